@@ -1,0 +1,144 @@
+use crate::{LieGroup, wrap_angle};
+use nalgebra::{Matrix3, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
+use std::ops::Mul;
+
+/// A pose, or rigid transform, in the plane: an element of SE(2).
+///
+/// Metres and radians; `yaw` is kept in `(-pi, pi]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Pose2 {
+    /// Translation along the target frame's x axis, in metres.
+    pub x: f64,
+    /// Translation along the target frame's y axis, in metres.
+    pub y: f64,
+    /// Counter-clockwise rotation in radians, in `(-pi, pi]`.
+    pub yaw: f64,
+}
+
+impl Pose2 {
+    /// The neutral transform.
+    pub const IDENTITY: Pose2 = Pose2 { x: 0.0, y: 0.0, yaw: 0.0 };
+
+    /// A pose from its coordinates; `yaw` is wrapped.
+    pub fn new(x: f64, y: f64, yaw: f64) -> Self {
+        Pose2 { x, y, yaw: wrap_angle(yaw) }
+    }
+
+    /// The translation part.
+    pub fn translation(&self) -> Vector2<f64> {
+        Vector2::new(self.x, self.y)
+    }
+
+    /// Maps a point from the source frame to the target frame.
+    pub fn transform(&self, point: Vector2<f64>) -> Vector2<f64> {
+        let (s, c) = self.yaw.sin_cos();
+        Vector2::new(self.x + c * point.x - s * point.y, self.y + s * point.x + c * point.y)
+    }
+
+    /// Rotates a direction from the source frame to the target frame.
+    pub fn rotate(&self, direction: Vector2<f64>) -> Vector2<f64> {
+        let (s, c) = self.yaw.sin_cos();
+        Vector2::new(c * direction.x - s * direction.y, s * direction.x + c * direction.y)
+    }
+
+    /// The inverse transform.
+    pub fn inverse(&self) -> Self {
+        let (s, c) = self.yaw.sin_cos();
+        Pose2::new(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
+    }
+
+    /// `self^-1 * other`: `other` seen from `self`.
+    pub fn between(&self, other: &Pose2) -> Pose2 {
+        let (s, c) = self.yaw.sin_cos();
+        let (dx, dy) = (other.x - self.x, other.y - self.y);
+        Pose2::new(c * dx + s * dy, -s * dx + c * dy, other.yaw - self.yaw)
+    }
+
+    /// Distance between the origins of two poses in the same frame, in metres.
+    pub fn distance(&self, other: &Pose2) -> f64 {
+        (self.x - other.x).hypot(self.y - other.y)
+    }
+
+    /// Length of the translation, in metres.
+    pub fn norm(&self) -> f64 {
+        self.x.hypot(self.y)
+    }
+
+    /// The coordinates as a vector `(x, y, yaw)`; not the logarithm.
+    pub fn coordinates(&self) -> Vector3<f64> {
+        Vector3::new(self.x, self.y, self.yaw)
+    }
+
+    /// `sin(yaw)/yaw` and `(1 - cos(yaw))/yaw`, the entries of SE(2)'s `V` matrix.
+    fn v_entries(yaw: f64) -> (f64, f64) {
+        if yaw.abs() < 1e-4 {
+            let y2 = yaw * yaw;
+            (1.0 - y2 / 6.0, yaw * (0.5 - y2 / 24.0))
+        } else {
+            (yaw.sin() / yaw, (1.0 - yaw.cos()) / yaw)
+        }
+    }
+}
+
+impl Mul for Pose2 {
+    type Output = Pose2;
+    fn mul(self, other: Pose2) -> Pose2 {
+        let t = self.transform(other.translation());
+        Pose2::new(t.x, t.y, self.yaw + other.yaw)
+    }
+}
+
+impl LieGroup<3> for Pose2 {
+    fn identity() -> Self {
+        Pose2::IDENTITY
+    }
+
+    fn compose(&self, other: &Self) -> Self {
+        *self * *other
+    }
+
+    fn inverse(&self) -> Self {
+        Pose2::inverse(self)
+    }
+
+    fn exp(tangent: &Vector3<f64>) -> Self {
+        let (a, b) = Self::v_entries(tangent.z);
+        let (vx, vy) = (tangent.x, tangent.y);
+        Pose2::new(a * vx - b * vy, b * vx + a * vy, tangent.z)
+    }
+
+    fn log(&self) -> Vector3<f64> {
+        let (a, b) = Self::v_entries(self.yaw);
+        let d = a * a + b * b;
+        let (x, y) = (self.x, self.y);
+        Vector3::new((a * x + b * y) / d, (-b * x + a * y) / d, self.yaw)
+    }
+
+    /// Sola et al. 2018, eq. (159).
+    fn adjoint(&self) -> Matrix3<f64> {
+        let (s, c) = self.yaw.sin_cos();
+        Matrix3::new(c, -s, self.y, s, c, -self.x, 0.0, 0.0, 1.0)
+    }
+
+    /// `Jr^-1(v) = I + ad(v)/2 + k ad(v)^2`, with `k = 1/w^2 - (1 + cos w)/(2 w sin w)`.
+    fn right_jacobian_inverse(tangent: &Vector3<f64>) -> Matrix3<f64> {
+        let w = tangent.z;
+        let (x, y) = (tangent.x, tangent.y);
+        let ad = Matrix3::new(0.0, -w, y, w, 0.0, -x, 0.0, 0.0, 0.0);
+        let k = if w.abs() < 1e-3 {
+            1.0 / 12.0 + w * w / 720.0
+        } else {
+            1.0 / (w * w) - (0.5 * w).cos() / (2.0 * w * (0.5 * w).sin())
+        };
+        Matrix3::identity() + ad * 0.5 + ad * ad * k
+    }
+
+    fn is_finite(&self) -> bool {
+        self.x.is_finite() && self.y.is_finite() && self.yaw.is_finite()
+    }
+
+    fn between(&self, other: &Self) -> Self {
+        Pose2::between(self, other)
+    }
+}

@@ -1,0 +1,12 @@
+//! Scan matchers behind one trait: where was a scan taken, seen from a reference?
+//!
+//! A [`Matcher`] compares a *scan cloud* (points in the new scan's `base` frame) with a *reference
+//! cloud* (points in the reference frame: one earlier scan, or a local submap of any size and field
+//! of view) and answers with a [`MatchResult`]: pose, covariance, inlier ratio, status. A weak match is
+//! a value, never an error.
+
+mod cloud;
+mod matcher;
+
+pub use cloud::{CloudPoint, PointCloud, PointCloudSettings};
+pub use matcher::{MatchResult, MatchStatus, Matcher, Prior};

@@ -1,0 +1,1 @@
+//! Placeholder crate doc; written with the crate.
