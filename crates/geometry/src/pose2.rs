@@ -83,6 +83,8 @@ impl Pose2 {
 
 impl Mul for Pose2 {
     type Output = Pose2;
+    // Composition adds the yaws.
+    #[allow(clippy::suspicious_arithmetic_impl)]
     fn mul(self, other: Pose2) -> Pose2 {
         let t = self.transform(other.translation());
         Pose2::new(t.x, t.y, self.yaw + other.yaw)

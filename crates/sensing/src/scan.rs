@@ -41,7 +41,7 @@ impl LaserModel {
     /// An even count (180, 360) means one step short of 180 degrees; an odd one (181, 361)
     /// includes both ends.
     pub fn half_circle(beams: u32) -> Self {
-        let steps = if beams % 2 == 0 { beams } else { beams.saturating_sub(1) };
+        let steps = if beams.is_multiple_of(2) { beams } else { beams.saturating_sub(1) };
         LaserModel {
             beams,
             angle_min_rad: -FRAC_PI_2,

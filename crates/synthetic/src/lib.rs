@@ -1,1 +1,39 @@
-//! Placeholder crate doc; written with the crate.
+//! Worlds with known truth: floor plans, exact ray casting, a laser and wheels with honest noise.
+//!
+//! Everything is drawn from a seed, so that the same call gives the same bytes on every machine with
+//! the same `rand`. Frames: plans and true poses live in `world`; odometry starts at the identity.
+//!
+//! ```
+//! use manifoldslam_synthetic::two_loop_building;
+//! let run = two_loop_building(1);
+//! assert_eq!(run.truth.len(), run.observations.len());
+//! ```
+//!
+//! Reading order: [`FloorPlan`], [`RayCaster`], [`Scanner`], [`Drive`], [`WheelNoise`], [`Run`], then
+//! the buildings made of them and the CARMEN writer.
+
+mod buildings;
+mod carmen;
+mod drive;
+mod error;
+mod floor_plan;
+mod large_buildings;
+mod normal;
+mod ray_caster;
+mod room;
+mod run;
+mod scanner;
+mod wheels;
+
+pub use buildings::{corridor, corridor_run, two_loop_building, two_loop_building_with};
+pub use carmen::{write_carmen, write_relations};
+pub use drive::Drive;
+pub use error::SyntheticError;
+pub use floor_plan::{Circle, FloorPlan, Wall};
+pub use large_buildings::{hall, office, ring_corridor};
+pub use normal::standard_normal;
+pub use ray_caster::{RayCaster, SurfaceHit};
+pub use room::{RoomPair, noisy_room, noisy_room_pair};
+pub use run::{Robot, Run};
+pub use scanner::{LaserNoise, Scanner, TrueBeam};
+pub use wheels::WheelNoise;

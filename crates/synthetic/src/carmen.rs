@@ -1,0 +1,80 @@
+use crate::{Run, SyntheticError};
+use geometry::Pose2;
+use sensing::{BeamClass, Stamp};
+use std::io::Write;
+
+/// Writes a run's observations as CARMEN text: one `FLASER` line per scan, with the odometry pose of
+/// laser and base. No return reads 81.83 and ranges have two decimals, as scanners of that time had.
+///
+/// # Errors
+/// When the writer fails.
+pub fn write_carmen(run: &Run, out: &mut impl Write) -> Result<(), SyntheticError> {
+    writeln!(out, "# message formats defined: PARAM SYNC ODOM FLASER RLASER TRUEPOS")?;
+    for observation in &run.observations {
+        let scan = &observation.scan;
+        write!(out, "FLASER {}", scan.len())?;
+        for beam in 0..scan.len() {
+            match scan.class(beam) {
+                BeamClass::Hit => write!(out, " {:.2}", scan.range(beam))?,
+                BeamClass::NoReturn => write!(out, " 81.83")?,
+                BeamClass::TooClose | BeamClass::Invalid => write!(out, " 0.00")?,
+            }
+        }
+        let base = observation.odom_from_base.unwrap_or(Pose2::IDENTITY);
+        for pose in [base * observation.base_from_laser, base] {
+            write!(out, " {:.6} {:.6} {:.6}", pose.x, pose.y, pose.yaw)?;
+        }
+        let seconds = Seconds(observation.stamp);
+        writeln!(out, " {seconds} nohost {seconds}")?;
+    }
+    Ok(())
+}
+
+/// Writes true relations as `t1 t2 x y z roll pitch yaw`: the base pose at `t2` seen from `t1`, for
+/// every pair of scans `stride` apart and, to check global consistency, for every place that is
+/// visited again (within 2 m, at least 100 scans later), once per `stride` scans.
+///
+/// # Errors
+/// When the writer fails.
+pub fn write_relations(
+    run: &Run,
+    stride: usize,
+    out: &mut impl Write,
+) -> Result<(), SyntheticError> {
+    let stride = stride.max(1);
+    for i in (0..run.truth.len()).step_by(stride) {
+        if i + stride < run.truth.len() {
+            write_relation(run, i, i + stride, out)?;
+        }
+        let revisit = (i + 100..run.truth.len())
+            .map(|j| (run.truth[i].distance(&run.truth[j]), j))
+            .filter(|&(distance, _)| distance < 2.0)
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((_, j)) = revisit {
+            write_relation(run, i, j, out)?;
+        }
+    }
+    Ok(())
+}
+
+fn write_relation(
+    run: &Run,
+    i: usize,
+    j: usize,
+    out: &mut impl Write,
+) -> Result<(), SyntheticError> {
+    let [from, to] = [i, j].map(|k| Seconds(run.observations[k].stamp));
+    let pose = run.truth[i].between(&run.truth[j]);
+    writeln!(out, "{from} {to} {:.6} {:.6} 0 0 0 {:.6}", pose.x, pose.y, pose.yaw)?;
+    Ok(())
+}
+
+/// A stamp as decimal seconds with six digits, by integer arithmetic.
+struct Seconds(Stamp);
+
+impl std::fmt::Display for Seconds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let micros = self.0.0.div_euclid(1000);
+        write!(f, "{}.{:06}", micros.div_euclid(1_000_000), micros.rem_euclid(1_000_000))
+    }
+}
