@@ -1,1 +1,31 @@
-//! Placeholder crate doc; written with the crate.
+//! Readers and writers: CARMEN logs, TUM trajectories.
+//!
+//! Parsers take any text and never panic; memory is bounded whatever the input. Readers of sensor logs
+//! return what they could read and a report of what they left out ([`ReadReport`]); readers of results
+//! (trajectories) are strict and fail with file, line and field ([`LogError`]).
+//! Only [`LogFile`] knows of files.
+//!
+//! ```
+//! use manifoldslam_logs::{CarmenReader, ReadOptions};
+//! let log = "ODOM 0 0 0 0 0 0 1.5 host 0\nFLASER 2 1.0 2.0 0 0 0 0 0 0 1.50 host 0\n";
+//! let records: Vec<_> = CarmenReader::new(log.as_bytes(), ReadOptions::default()).collect();
+//! assert_eq!(records[0].stamp_text, "1.50");
+//! ```
+
+mod carmen;
+mod carmen_line;
+mod error;
+mod input;
+mod lines;
+mod mounting;
+mod number;
+mod record;
+mod report;
+mod tum;
+
+pub use carmen::{CarmenReader, ReadOptions};
+pub use error::{DropReason, DroppedLine, LogError};
+pub use input::{LogFile, LogInput, decompress};
+pub use record::LogRecord;
+pub use report::ReadReport;
+pub use tum::{TumPose, open_tum, read_tum, write_tum};

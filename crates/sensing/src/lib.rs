@@ -11,10 +11,14 @@
 //! assert_eq!(scan.class(2), BeamClass::NoReturn);
 //! ```
 
+mod deskew;
+mod limits;
 mod observation;
 mod scan;
 mod stamp;
 
+pub use deskew::Twist;
+pub use limits::{LaserLimits, NoReturnDetector};
 pub use observation::{Observation, RobotId};
 pub use scan::{BeamClass, LaserModel, Scan};
 pub use stamp::Stamp;

@@ -1,0 +1,317 @@
+//! One line of a CARMEN log, without any memory of the lines before it.
+
+use crate::DropReason;
+use crate::number::{parse_f32, parse_f64, parse_stamp, parse_u64};
+use geometry::Pose2;
+use sensing::{LaserModel, Stamp, Twist};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Coordinates beyond this are garbage, metres.
+const MAX_COORDINATE_M: f64 = 1e7;
+
+/// Which laser message a scan came in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum LaserName {
+    /// `FLASER`: the front laser, old format.
+    Front,
+    /// `RLASER`: the rear laser, old format.
+    Rear,
+    /// `ROBOTLASER0` to `ROBOTLASER9`.
+    Robot(u8),
+}
+
+/// A laser line's content, not yet classified.
+#[derive(Clone, Debug)]
+pub(crate) struct LaserLine {
+    pub name: LaserName,
+    pub stamp: Stamp,
+    pub stamp_text: String,
+    pub model: LaserModel,
+    /// The maximum range the line states, metres.
+    pub stated_max_m: Option<f32>,
+    pub readings_m: Vec<f32>,
+    pub odom_from_laser: Pose2,
+    pub odom_from_base: Pose2,
+    pub twist: Option<Twist>,
+}
+
+/// What a line says.
+#[derive(Debug)]
+pub(crate) enum Message<'a> {
+    /// A comment or an empty line.
+    Nothing,
+    Laser(Box<LaserLine>),
+    Odometry(Twist),
+    Param { name: &'a [u8], value: &'a [u8] },
+    /// A message of no interest here.
+    Other(&'a str),
+}
+
+/// What is wrong with a line, and with which field of it (from 1).
+#[derive(Debug, PartialEq)]
+pub(crate) struct Fault {
+    pub field: Option<usize>,
+    pub reason: DropReason,
+}
+
+/// Parses one line without its newline.
+///
+/// `complete` is false for a last line without newline: it must then hold every field of its message,
+/// so that a stamp cut short is never taken for a stamp.
+pub(crate) fn parse(line: &[u8], complete: bool) -> Result<Message<'_>, Fault> {
+    let mut fields = Fields::new(line);
+    let Some(name) = fields.next() else { return Ok(Message::Nothing) };
+    if name[0] == b'#' {
+        return Ok(Message::Nothing);
+    }
+    match name {
+        b"FLASER" => old_laser(LaserName::Front, fields, complete),
+        b"RLASER" => old_laser(LaserName::Rear, fields, complete),
+        b"ODOM" => odometry(fields),
+        b"PARAM" => Ok(match (fields.next(), fields.next()) {
+            (Some(name), Some(value)) => Message::Param { name, value },
+            _ => Message::Other("PARAM"),
+        }),
+        _ => match name.strip_prefix(b"ROBOTLASER") {
+            Some([digit @ b'0'..=b'9']) => robot_laser(digit - b'0', fields, complete),
+            _ => other(name),
+        },
+    }
+}
+
+/// `FLASER n r1..rn laser_x laser_y laser_yaw robot_x robot_y robot_yaw stamp host logger_stamp`.
+fn old_laser(name: LaserName, mut fields: Fields, complete: bool) -> Result<Message, Fault> {
+    let announced = fields.count()?;
+    let present = fields.clone().total();
+    // Pose, pose, stamp; host and logger stamp are sometimes cut away by converters.
+    let tail = if complete { 7..=9 } else { 9..=9 };
+    let beams = fields.beams(announced, present, tail, complete)?;
+    let readings_m = fields.readings(beams)?;
+    let odom_from_laser = fields.pose()?;
+    let odom_from_base = fields.pose()?;
+    let (stamp, stamp_text) = fields.stamp()?;
+    let model = guessed_model(beams as u32);
+    Ok(Message::Laser(Box::new(LaserLine {
+        name,
+        stamp,
+        stamp_text,
+        model,
+        stated_max_m: None,
+        readings_m,
+        odom_from_laser,
+        odom_from_base,
+        twist: None,
+    })))
+}
+
+/// `ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n r1..rn
+/// m remission1..m laser_pose(3) robot_pose(3) tv rv forward_safety side_safety [turn_axis] stamp host
+/// logger_stamp`; early versions have no remissions at all, not even their number.
+fn robot_laser(digit: u8, mut fields: Fields, complete: bool) -> Result<Message, Fault> {
+    fields.skip(1)?;
+    let start = fields.number()?;
+    let fov = fields.number()?;
+    let resolution = fields.number()?;
+    let stated_max = fields.number()? as f32;
+    fields.skip(2)?;
+    let announced = fields.count()?;
+    let present = fields.clone().total();
+    let beams = fields.beams(announced, present, 13..=present, complete)?;
+    let readings_m = fields.readings(beams)?;
+    let rest = fields.clone().total();
+    let remissions = fields.clone().next().and_then(parse_u64).unwrap_or(u64::MAX);
+    let with_remissions = |fixed: u64| remissions.checked_add(fixed) == Some(rest as u64);
+    let turn_axis = if with_remissions(14) || with_remissions(15) {
+        fields.skip(1 + remissions as usize)?;
+        with_remissions(15)
+    } else if rest == 13 || rest == 14 {
+        rest == 14
+    } else {
+        let reason = DropReason::BeamCount { announced, fields: present };
+        return Err(Fault { field: None, reason: if complete { reason } else { DropReason::Truncated } });
+    };
+    let odom_from_laser = fields.pose()?;
+    let odom_from_base = fields.pose()?;
+    let (forward_m_per_sec, yaw_rad_per_sec) = (fields.number()?, fields.number()?);
+    fields.skip(if turn_axis { 3 } else { 2 })?;
+    let (stamp, stamp_text) = fields.stamp()?;
+    let twist = Twist { forward_m_per_sec, yaw_rad_per_sec };
+    let sane = forward_m_per_sec.abs() < 100.0 && yaw_rad_per_sec.abs() < 100.0;
+    Ok(Message::Laser(Box::new(LaserLine {
+        name: LaserName::Robot(digit),
+        stamp,
+        stamp_text,
+        model: stated_model(beams as u32, start, fov, resolution),
+        stated_max_m: (stated_max.is_finite() && stated_max > 0.0).then_some(stated_max),
+        readings_m,
+        odom_from_laser,
+        odom_from_base,
+        twist: sane.then_some(twist),
+    })))
+}
+
+/// `ODOM x y yaw tv rv accel stamp host logger_stamp`: only the velocities are of use, since every
+/// laser line carries the pose.
+fn odometry(mut fields: Fields) -> Result<Message, Fault> {
+    fields.pose()?;
+    let (forward_m_per_sec, yaw_rad_per_sec) = (fields.number()?, fields.number()?);
+    Ok(Message::Odometry(Twist { forward_m_per_sec, yaw_rad_per_sec }))
+}
+
+/// Any other message: a name in capitals, as all CARMEN messages have.
+fn other(name: &[u8]) -> Result<Message<'_>, Fault> {
+    let is_name = name.len() <= 40
+        && name[0].is_ascii_uppercase()
+        && name.iter().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b"_-".contains(b));
+    match std::str::from_utf8(name) {
+        Ok(text) if is_name => Ok(Message::Other(text)),
+        _ => Err(Fault { field: Some(1), reason: DropReason::NotAMessage }),
+    }
+}
+
+/// The scanner of an old laser line, which tells nothing but the number of beams.
+///
+/// CARMEN's convention is a SICK LMS over the half circle in front, or 100 degrees for 401 beams. Counts
+/// that belong to one well-known scanner with a wider view are taken for it: Hokuyo URG-04LX
+/// (682 and 726 steps of 360/1024 deg), 270 degrees at 0.5 and 0.25 deg (541 and 1081 beams).
+fn guessed_model(beams: u32) -> LaserModel {
+    let step = match beams {
+        101 => 1.0,
+        201 | 541 => 0.5,
+        400 | 401 | 1081 => 0.25,
+        682 | 683 | 726 => 360.0 / 1024.0,
+        _ => return LaserModel::half_circle(beams),
+    };
+    let step = f64::to_radians(step);
+    // An even count of these leaves out the last beam, as with the half circle's 180 and 360.
+    let span = step * f64::from(if beams == 400 { 400 } else { beams - 1 });
+    centred(beams, -0.5 * span, step)
+}
+
+/// The scanner a `ROBOTLASER` line describes; where the description is nonsense, the guess by count.
+fn stated_model(beams: u32, start: f64, fov: f64, resolution: f64) -> LaserModel {
+    let steps = f64::from(beams.saturating_sub(1).max(1));
+    let fits = |step: f64| step.abs() > 1e-4 && step.abs() * steps < TAU * 1.01;
+    if !(start.abs() <= TAU) {
+        return guessed_model(beams);
+    }
+    let fov_known = fov > 0.01 && fov < TAU * 1.01;
+    // Beams and resolution may leave out an end of the field of view, but not contradict it.
+    let agrees = !fov_known || (resolution.abs() * steps - fov).abs() <= 2.5 * resolution.abs();
+    if fits(resolution) && agrees {
+        return centred(beams, start, resolution);
+    }
+    if fov_known { centred(beams, start, fov / steps) } else { guessed_model(beams) }
+}
+
+/// A scanner by its first bearing and step, with the default limits.
+fn centred(beams: u32, angle_min_rad: f64, angle_increment_rad: f64) -> LaserModel {
+    LaserModel { angle_min_rad, angle_increment_rad, ..LaserModel::half_circle(beams) }
+}
+
+/// The fields of a line, separated by blanks, with their numbers.
+#[derive(Clone)]
+struct Fields<'a> {
+    rest: &'a [u8],
+    field: usize,
+}
+
+impl<'a> Fields<'a> {
+    fn new(line: &'a [u8]) -> Self {
+        Fields { rest: line, field: 0 }
+    }
+
+    /// The next field; never empty.
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let is_blank = |b: &u8| matches!(b, b' ' | b'\t' | b'\r');
+        let start = self.rest.iter().position(|b| !is_blank(b))?;
+        let rest = &self.rest[start..];
+        let end = rest.iter().position(is_blank).unwrap_or(rest.len());
+        self.field += 1;
+        self.rest = &rest[end..];
+        Some(&rest[..end])
+    }
+
+    /// How many fields are left.
+    fn total(mut self) -> usize {
+        std::iter::from_fn(|| self.next()).count()
+    }
+
+    fn fault(&self, reason: DropReason) -> Fault {
+        Fault { field: Some(self.field), reason }
+    }
+
+    fn required(&mut self) -> Result<&'a [u8], Fault> {
+        self.next().ok_or(Fault { field: Some(self.field + 1), reason: DropReason::MissingField })
+    }
+
+    fn skip(&mut self, count: usize) -> Result<(), Fault> {
+        (0..count).try_for_each(|_| self.required().map(drop))
+    }
+
+    fn number(&mut self) -> Result<f64, Fault> {
+        let text = self.required()?;
+        parse_f64(text).ok_or_else(|| self.fault(DropReason::NotANumber))
+    }
+
+    fn count(&mut self) -> Result<u64, Fault> {
+        let text = self.required()?;
+        parse_u64(text).ok_or_else(|| self.fault(DropReason::NotANumber))
+    }
+
+    /// Checks the announced number of beams against the fields that are there.
+    fn beams(
+        &self,
+        announced: u64,
+        present: usize,
+        tail: std::ops::RangeInclusive<usize>,
+        complete: bool,
+    ) -> Result<usize, Fault> {
+        if announced == 0 {
+            return Err(self.fault(DropReason::NoBeams));
+        }
+        let beams = usize::try_from(announced).ok().filter(|&n| n <= present);
+        match beams {
+            Some(n) if tail.contains(&(present - n)) => Ok(n),
+            _ if !complete => Err(Fault { field: None, reason: DropReason::Truncated }),
+            _ => Err(self.fault(DropReason::BeamCount { announced, fields: present })),
+        }
+    }
+
+    fn readings(&mut self, beams: usize) -> Result<Vec<f32>, Fault> {
+        let mut readings = Vec::with_capacity(beams);
+        for _ in 0..beams {
+            let text = self.required()?;
+            readings.push(parse_f32(text).ok_or_else(|| self.fault(DropReason::NotANumber))?);
+        }
+        Ok(readings)
+    }
+
+    fn pose(&mut self) -> Result<Pose2, Fault> {
+        let mut coordinates = [0.0; 3];
+        for value in &mut coordinates {
+            *value = self.number()?;
+            if !(value.abs() < MAX_COORDINATE_M) {
+                return Err(self.fault(DropReason::NotFinite));
+            }
+        }
+        let [x, y, yaw] = coordinates;
+        Ok(Pose2::new(x, y, yaw))
+    }
+
+    fn stamp(&mut self) -> Result<(Stamp, String), Fault> {
+        let text = self.required()?;
+        let stamp = parse_stamp(text).ok_or_else(|| self.fault(DropReason::NotANumber))?;
+        Ok((stamp, String::from_utf8_lossy(text).into_owned()))
+    }
+}
+
+/// True when a longer name that starts like this could be a laser message.
+pub(crate) fn may_start_laser(name: &str) -> bool {
+    ["FLASER", "RLASER", "ROBOTLASER"].iter().any(|laser| laser.starts_with(name))
+}
+
+/// The yaw of a laser that looks backwards.
+pub(crate) const BACKWARDS: f64 = PI;
+/// Less than this away from forwards, an old rear laser line has left its half turn out, radians.
+pub(crate) const FORWARDS: f64 = FRAC_PI_2;

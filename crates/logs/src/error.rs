@@ -1,0 +1,111 @@
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Why a file could not be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// The file cannot be opened.
+    #[error("{}: cannot open: {source}", file.display())]
+    Open {
+        /// The file.
+        file: PathBuf,
+        /// What the operating system says.
+        source: std::io::Error,
+    },
+    /// Reading or decompressing stopped in the middle.
+    #[error("{}:{line}: reading stopped here: {source}", file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// Number of the last line that was read, from 1; 0 when there was none.
+        line: u64,
+        /// What the operating system or the decompressor says.
+        source: std::io::Error,
+    },
+    /// A line that a strict reader cannot take.
+    #[error("{}:{line}", file.display())]
+    Line {
+        /// The file.
+        file: PathBuf,
+        /// Number and reason.
+        #[source]
+        line: DroppedLine,
+    },
+}
+
+impl LogError {
+    pub(crate) fn read(file: &Path, line: u64, source: std::io::Error) -> Self {
+        LogError::Read { file: file.to_owned(), line, source }
+    }
+}
+
+/// A line that was left out, and why.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub struct DroppedLine {
+    /// Number of the line, from 1.
+    pub line: u64,
+    /// Number of the field in the line, from 1, where one field is to blame.
+    pub field: Option<usize>,
+    /// What is wrong.
+    pub reason: DropReason,
+}
+
+impl fmt::Display for DroppedLine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}", self.line)?;
+        if let Some(field) = self.field {
+            write!(f, ", field {field}")?;
+        }
+        write!(f, ": {}", self.reason)
+    }
+}
+
+/// What is wrong with a line.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DropReason {
+    /// The file ends in the middle of the line.
+    #[error("the file ends in the middle of the line")]
+    Truncated,
+    /// The line does not start with the name of a message.
+    #[error("not a CARMEN message")]
+    NotAMessage,
+    /// The line is longer than the limit.
+    #[error("longer than {limit} bytes")]
+    TooLong {
+        /// The limit, bytes.
+        limit: usize,
+    },
+    /// The scan has no beams.
+    #[error("a scan without beams")]
+    NoBeams,
+    /// The announced number of beams and the number of fields do not fit together.
+    #[error("{announced} beams announced, but {fields} fields follow")]
+    BeamCount {
+        /// Beams announced.
+        announced: u64,
+        /// Fields behind the announcement.
+        fields: usize,
+    },
+    /// A field is missing.
+    #[error("too few fields")]
+    MissingField,
+    /// There are more fields than the format has.
+    #[error("too many fields")]
+    ExtraField,
+    /// A field is not a number.
+    #[error("not a number")]
+    NotANumber,
+    /// A pose or stamp is NaN, infinite or out of every sensible range.
+    #[error("not finite or absurdly large")]
+    NotFinite,
+    /// Hardly a beam of the scan can be used.
+    #[error("only {valid} of {beams} beams are valid")]
+    TooFewValidBeams {
+        /// Valid beams.
+        valid: usize,
+        /// All beams.
+        beams: usize,
+    },
+}
