@@ -1,1 +1,17 @@
-//! Placeholder crate doc; written with the crate.
+//! The map: *patches* (scans with poses) joined by *relations* (relative poses with covariances) into
+//! *islands* (connected components).
+//!
+//! After chapter 5 of the ManifoldSLAM thesis (2006). Patches never move in their own frame; only their
+//! poses in the island's frame are re-estimated. A relation knows where it comes from and can be
+//! retracted: the manifold is then the one that was built without it.
+
+mod local_submap;
+mod manifold;
+mod patch;
+mod path_uncertainty;
+mod relation;
+
+pub use local_submap::{SubmapLimits, SubmapMember};
+pub use manifold::Manifold;
+pub use patch::{Patch, PatchId};
+pub use relation::{Provenance, Relation, RelationId, through_relation};

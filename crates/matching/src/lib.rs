@@ -6,7 +6,11 @@
 //! a value, never an error.
 
 mod cloud;
+mod fast;
 mod matcher;
+mod surfel_field;
 
 pub use cloud::{CloudPoint, PointCloud, PointCloudSettings};
+pub use fast::{FastMatcher, FastSettings};
 pub use matcher::{MatchResult, MatchStatus, Matcher, Prior};
+pub use surfel_field::{BeamNoise, FieldSettings, LinePoint, SurfelField, line_points};

@@ -1,0 +1,60 @@
+use crate::{Manifold, PatchId};
+use geometry::GaussianPose2;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// A total order on position variances for the heap.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Variance(f64);
+
+impl Eq for Variance {}
+
+impl PartialOrd for Variance {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Variance {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl Manifold {
+    /// How well every patch is known seen from `start`: the Gaussian composed along the path on which
+    /// the position's variance grows least (Dijkstra). `None` for patches on other islands and those
+    /// beyond `variance_limit` (m^2, sum over both axes).
+    pub fn uncertainty_from(
+        &self,
+        start: PatchId,
+        variance_limit: f64,
+    ) -> Vec<Option<GaussianPose2>> {
+        let mut settled: Vec<Option<GaussianPose2>> = vec![None; self.patches().len()];
+        let mut best = vec![f64::INFINITY; self.patches().len()];
+        let origin = GaussianPose2::exact(geometry::Pose2::IDENTITY);
+        let mut tentative = vec![origin; self.patches().len()];
+        let mut queue = BinaryHeap::from([(Reverse(Variance(0.0)), Reverse(start))]);
+        best[start.index()] = 0.0;
+        while let Some((_, Reverse(patch))) = queue.pop() {
+            if settled[patch.index()].is_some() {
+                continue;
+            }
+            let here = tentative[patch.index()];
+            settled[patch.index()] = Some(here);
+            for (other, step) in self.neighbours(patch) {
+                if settled[other.index()].is_some() {
+                    continue;
+                }
+                let there = here.compose(&step);
+                let variance = there.covariance[(0, 0)] + there.covariance[(1, 1)];
+                if variance < best[other.index()] && variance <= variance_limit {
+                    best[other.index()] = variance;
+                    tentative[other.index()] = there;
+                    queue.push((Reverse(Variance(variance)), Reverse(other)));
+                }
+            }
+        }
+        settled
+    }
+}

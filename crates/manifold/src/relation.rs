@@ -1,0 +1,81 @@
+use crate::PatchId;
+use geometry::{GaussianPose2, Pose2};
+use serde::{Deserialize, Serialize};
+
+/// Name of a relation: its index in the manifold, in the order of creation.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+pub struct RelationId(pub u32);
+
+impl RelationId {
+    /// The id as an index.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Where a relation comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Provenance {
+    /// The robot drove from one patch to the other.
+    Sequential,
+    /// A loop closed by comparing geometry.
+    LoopClosure,
+    /// Two patches of a settled map see the same surfaces (measured by the global refit).
+    Overlap,
+}
+
+/// An edge of the manifold: a relative pose with its uncertainty (a constraint, elsewhere).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relation {
+    /// Name.
+    pub id: RelationId,
+    /// The patch the pose is seen from.
+    pub from: PatchId,
+    /// The patch that is seen.
+    pub to: PatchId,
+    /// `from_from_to` with covariance in the frame of `to`.
+    pub from_from_to: GaussianPose2,
+    /// Where it comes from.
+    pub provenance: Provenance,
+    /// Taken back: kept for the record, but no longer part of the map.
+    pub retracted: bool,
+}
+
+impl Relation {
+    /// The relation seen from `patch`: the patch at the other end and `patch_from_other`; `None` if `patch` is
+    /// not one of its ends.
+    pub fn seen_from(&self, patch: PatchId) -> Option<(PatchId, GaussianPose2)> {
+        if patch == self.from {
+            Some((self.to, self.from_from_to))
+        } else if patch == self.to {
+            Some((self.from, self.from_from_to.inverse()))
+        } else {
+            None
+        }
+    }
+}
+
+/// The pose `b_from_robot` of a robot at `a_from_robot`, through the relation between patches `a` and `b`
+/// and not by way of the island's frame: the thesis's operator for use while refits are pending (5.5).
+///
+/// `None` if `a` is not an end of the relation.
+pub fn through_relation(
+    a_from_robot: &GaussianPose2,
+    a: PatchId,
+    relation: &Relation,
+) -> Option<(PatchId, GaussianPose2)> {
+    let (b, a_from_b) = relation.seen_from(a)?;
+    Some((b, a_from_b.inverse().compose(a_from_robot)))
+}
+
+/// A convenience for [`through_relation`] where only the mean matters.
+impl Relation {
+    /// `other_from_robot`, given `patch_from_robot`.
+    pub fn carry(&self, patch: PatchId, patch_from_robot: &Pose2) -> Option<(PatchId, Pose2)> {
+        let (other, patch_from_other) = self.seen_from(patch)?;
+        Some((other, patch_from_other.mean.inverse() * *patch_from_robot))
+    }
+}

@@ -1,0 +1,210 @@
+use crate::{LinePoint, MatchResult, MatchStatus, Prior, SurfelField};
+use geometry::{Matrix3, Pose2, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Settings of the fast matcher.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FastSettings {
+    /// Scale of the robust kernel in the first iteration, metres.
+    pub kernel_start_m: f32,
+    /// Scale of the robust kernel in the last iterations, metres.
+    pub kernel_end_m: f32,
+    /// Factor from one iteration's kernel scale to the next.
+    pub kernel_decay: f32,
+    /// Upper bound on iterations.
+    pub max_iterations: u32,
+    /// Stop when a step is smaller than this, metres (and radians at 5 m).
+    pub step_m: f32,
+    /// Cosine of the largest angle between a point's and its surfel's normal.
+    pub normal_cos: f32,
+    /// Ratio of the weakest to the strongest direction's information below which a match is called
+    /// degenerate (yaw is scaled to metres by the mean range).
+    pub degenerate_ratio: f64,
+}
+
+impl Default for FastSettings {
+    fn default() -> Self {
+        FastSettings {
+            kernel_start_m: 0.3,
+            kernel_end_m: 0.05,
+            kernel_decay: 0.6,
+            max_iterations: 20,
+            step_m: 2e-4,
+            normal_cos: 0.7,
+            degenerate_ratio: 1e-3,
+        }
+    }
+}
+
+/// Normal equations of one linearisation, in field coordinates `(tx, ty, yaw)`.
+#[derive(Clone, Copy, Debug, Default)]
+struct Normal {
+    h: [f32; 6],
+    g: [f32; 3],
+    /// Sum of the robust kernel's weights in `[0, 1]`.
+    inliers: f32,
+    /// Points with a correspondence.
+    pairs: u32,
+}
+
+/// Weighted point-to-line matching on a [`SurfelField`].
+///
+/// Each point's residual is its distance to its nearest surfel's line, weighted by both variances
+/// along the normal (WSM's weights) and a Geman-McClure kernel whose scale shrinks from
+/// `kernel_start_m` to `kernel_end_m`. Gauss-Newton on SE(2).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FastMatcher {
+    /// The settings.
+    pub settings: FastSettings,
+}
+
+impl FastMatcher {
+    /// Finds `field_from_scan`, starting at the prior.
+    pub fn align(&self, field: &SurfelField, scan: &[LinePoint], prior: &Prior) -> MatchResult {
+        let s = &self.settings;
+        let mut pose = prior.pose;
+        let mut kernel = s.kernel_start_m;
+        let mut iterations = 0;
+        let mut settled = false;
+        while iterations < s.max_iterations && !settled {
+            iterations += 1;
+            let normal = self.linearise(field, scan, &pose, kernel);
+            let Some(step) = solve(&normal, &pose, prior) else {
+                return failed(pose, iterations, MatchStatus::TooFewPoints);
+            };
+            pose = Pose2::new(pose.x + step.x, pose.y + step.y, pose.yaw + step.z);
+            let small = step.x.abs().max(step.y.abs()).max(5.0 * step.z.abs()) < f64::from(s.step_m);
+            settled = small && kernel <= s.kernel_end_m;
+            kernel = (kernel * s.kernel_decay).max(s.kernel_end_m);
+        }
+        self.conclude(field, scan, pose, iterations)
+    }
+
+    /// The match result at `pose`, without moving it.
+    pub fn conclude(
+        &self,
+        field: &SurfelField,
+        scan: &[LinePoint],
+        pose: Pose2,
+        iterations: u32,
+    ) -> MatchResult {
+        let normal = self.linearise(field, scan, &pose, self.settings.kernel_end_m);
+        let information = information_in_scan_frame(&normal, &pose);
+        let inlier_ratio = f64::from(normal.inliers) / (scan.len().max(1) as f64);
+        if normal.pairs < 6 {
+            return failed(pose, iterations, MatchStatus::TooFewPoints);
+        }
+        let (covariance, weak_axis) = invert(&information, self.settings.degenerate_ratio);
+        let status = match weak_axis {
+            None => MatchStatus::Converged,
+            Some(weak_axis) => MatchStatus::Degenerate { weak_axis },
+        };
+        MatchResult { pose, covariance, inlier_ratio, iterations, status }
+    }
+
+    /// Information and gradient of the fit at `pose` as a right perturbation in the scan's frame:
+    /// the quadratic model `1/2 d^T H d + g^T d` of the cost around the present estimate.
+    pub fn quadratic(
+        &self,
+        field: &SurfelField,
+        scan: &[LinePoint],
+        pose: &Pose2,
+        kernel_m: f32,
+    ) -> (Matrix3<f64>, Vector3<f64>, f64) {
+        let normal = self.linearise(field, scan, pose, kernel_m);
+        let turn = turn(pose);
+        let g = Vector3::new(normal.g[0], normal.g[1], normal.g[2]).cast::<f64>();
+        let inliers = f64::from(normal.inliers) / (scan.len().max(1) as f64);
+        (information_in_scan_frame(&normal, pose), turn.transpose() * g, inliers)
+    }
+
+    fn linearise(&self, field: &SurfelField, scan: &[LinePoint], pose: &Pose2, kernel: f32) -> Normal {
+        let (sin, cos) = pose.yaw.sin_cos();
+        let (sin, cos) = (sin as f32, cos as f32);
+        let (tx, ty) = (pose.x as f32, pose.y as f32);
+        let kernel2 = kernel * kernel;
+        let mut n = Normal::default();
+        for p in scan {
+            let (qx, qy) = (cos * p.x - sin * p.y, sin * p.x + cos * p.y);
+            let (mx, my) = (cos * p.nx - sin * p.ny, sin * p.nx + cos * p.ny);
+            let Some(surfel) = field.nearest(qx + tx, qy + ty, mx, my) else { continue };
+            if mx * surfel.nx + my * surfel.ny < self.settings.normal_cos {
+                continue;
+            }
+            let r = surfel.nx * (qx + tx) + surfel.ny * (qy + ty) - surfel.offset;
+            let ratio = kernel2 / (kernel2 + r * r);
+            let robust = ratio * ratio;
+            let w = robust / (surfel.variance + p.variance);
+            let (jx, jy, jw) = (surfel.nx, surfel.ny, surfel.ny * qx - surfel.nx * qy);
+            n.h[0] += w * jx * jx;
+            n.h[1] += w * jx * jy;
+            n.h[2] += w * jx * jw;
+            n.h[3] += w * jy * jy;
+            n.h[4] += w * jy * jw;
+            n.h[5] += w * jw * jw;
+            n.g[0] += w * jx * r;
+            n.g[1] += w * jy * r;
+            n.g[2] += w * jw * r;
+            n.inliers += robust;
+            n.pairs += 1;
+        }
+        n
+    }
+}
+
+/// Rotation that takes a right (scan-frame) perturbation to field coordinates.
+fn turn(pose: &Pose2) -> Matrix3<f64> {
+    let (s, c) = pose.yaw.sin_cos();
+    Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+}
+
+fn information_in_field(n: &Normal) -> Matrix3<f64> {
+    let [a, b, c, d, e, f] = n.h.map(f64::from);
+    Matrix3::new(a, b, c, b, d, e, c, e, f)
+}
+
+fn information_in_scan_frame(n: &Normal, pose: &Pose2) -> Matrix3<f64> {
+    let turn = turn(pose);
+    turn.transpose() * information_in_field(n) * turn
+}
+
+/// One Gauss-Newton step in field coordinates, the prior included.
+fn solve(n: &Normal, pose: &Pose2, prior: &Prior) -> Option<Vector3<f64>> {
+    if n.pairs < 6 {
+        return None;
+    }
+    let turn = turn(&prior.pose);
+    let prior_information = turn * prior.information * turn.transpose();
+    let offset = Vector3::new(
+        pose.x - prior.pose.x,
+        pose.y - prior.pose.y,
+        geometry::wrap_angle(pose.yaw - prior.pose.yaw),
+    );
+    let g = Vector3::new(n.g[0], n.g[1], n.g[2]).cast::<f64>() + prior_information * offset;
+    let mut h = information_in_field(n) + prior_information;
+    // Just enough damping to make directions that nothing observes stand still.
+    h[(0, 0)] += 1.0;
+    h[(1, 1)] += 1.0;
+    h[(2, 2)] += 1.0;
+    let step = -(h.cholesky()?.solve(&g));
+    step.iter().all(|v| v.is_finite()).then_some(step)
+}
+
+/// Covariance of an information matrix, and its weak axis if one direction is hardly observed.
+fn invert(information: &Matrix3<f64>, ratio: f64) -> (Matrix3<f64>, Option<Vector3<f64>>) {
+    let eigen = information.symmetric_eigen();
+    let strongest = eigen.eigenvalues.max().max(1e-9);
+    let floor = strongest * 1e-9;
+    let inverse = eigen.eigenvalues.map(|v| 1.0 / v.max(floor));
+    let covariance =
+        eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
+    let weakest = eigen.eigenvalues.imin();
+    let weak = eigen.eigenvalues[weakest] < ratio * strongest;
+    (covariance, weak.then(|| eigen.eigenvectors.column(weakest).into_owned()))
+}
+
+fn failed(pose: Pose2, iterations: u32, status: MatchStatus) -> MatchResult {
+    let covariance = Matrix3::from_diagonal(&Vector3::new(1e6, 1e6, 1e2));
+    MatchResult { pose, covariance, inlier_ratio: 0.0, iterations, status }
+}

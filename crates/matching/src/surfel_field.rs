@@ -1,0 +1,293 @@
+use crate::PointCloud;
+use geometry::Pose2;
+use serde::{Deserialize, Serialize};
+
+/// Surface orientations are kept apart in this many layers: normals towards +x, +y, -x, -y.
+const LAYERS: usize = 4;
+/// "No surfel in reach" in the field.
+const NONE: u16 = u16::MAX;
+/// A surfel also enters the neighbouring layer when its normal has at least this component along
+/// that layer's axis (75 degrees), so that a normal near a layer's border finds it from both sides.
+const NEIGHBOUR_LAYER_COMPONENT: f32 = 0.26;
+
+/// Size of a [`SurfelField`]'s cells and how far a surfel is felt.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FieldSettings {
+    /// Side of a cell, metres: the spacing of surfels on a wall.
+    pub cell_m: f32,
+    /// A point farther than this from every surfel has no correspondence, metres; at most 15 cells.
+    pub reach_m: f32,
+    /// Standard deviation of the map's surfaces about their local lines, metres: roughness, clutter
+    /// and pose error of the patches, which do not average out.
+    pub roughness_m: f32,
+}
+
+impl Default for FieldSettings {
+    fn default() -> Self {
+        FieldSettings { cell_m: 0.1, reach_m: 0.5, roughness_m: 0.01 }
+    }
+}
+
+/// The tangent line of a small piece of surface, as the matcher reads it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Surfel {
+    /// Unit normal, towards the side it was seen from.
+    pub nx: f32,
+    pub ny: f32,
+    /// The line is `nx x + ny y = offset`.
+    pub offset: f32,
+    /// Variance of the line's position along its normal, m^2.
+    pub variance: f32,
+}
+
+/// Sums over the points of one surfel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    weight: f32,
+    x: f32,
+    y: f32,
+    nx: f32,
+    ny: f32,
+}
+
+/// One point of a scan as the field and the fast matcher use it: scan frame, `f32`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LinePoint {
+    /// Position in the scan's base frame, metres.
+    pub x: f32,
+    /// Position in the scan's base frame, metres.
+    pub y: f32,
+    /// Unit normal towards the laser.
+    pub nx: f32,
+    /// Unit normal towards the laser.
+    pub ny: f32,
+    /// Variance of the point along its normal, m^2 (WSM's measurement error, eq. 4.3-4.5 of the
+    /// thesis, projected on the normal).
+    pub variance: f32,
+}
+
+/// A map of surfels with, for every cell around them, the nearest one: the reference of the fast
+/// matcher, kept incrementally.
+///
+/// Surfels average all points that fell into one cell with like orientation, so a wall seen by many
+/// scans is known better than by one. The field lives in one local frame and a fixed window;
+/// points outside the window are ignored.
+#[derive(Clone, Debug)]
+pub struct SurfelField {
+    settings: FieldSettings,
+    min_x: f32,
+    min_y: f32,
+    width: usize,
+    height: usize,
+    /// `[layer][row][column]`: index of the nearest surfel, or `NONE`.
+    nearest: Vec<u16>,
+    /// `[layer][row][column]`: squared distance to it in cells, 0 only in a surfel's own cell and layer.
+    distance: Vec<u8>,
+    surfels: Vec<Surfel>,
+    moments: Vec<Moments>,
+    /// Cell offsets within reach, with squared distance, nearest first.
+    stamp: Vec<(i16, i16, u8)>,
+}
+
+impl SurfelField {
+    /// An empty field over `[min, max]` (metres, in the field's frame).
+    pub fn new(settings: FieldSettings, min: (f64, f64), max: (f64, f64)) -> Self {
+        let mut field = SurfelField {
+            settings,
+            min_x: 0.0,
+            min_y: 0.0,
+            width: 0,
+            height: 0,
+            nearest: Vec::new(),
+            distance: Vec::new(),
+            surfels: Vec::new(),
+            moments: Vec::new(),
+            stamp: disk(settings.reach_m / settings.cell_m),
+        };
+        field.reset(min, max);
+        field
+    }
+
+    /// Empties the field and moves its window, reusing memory.
+    pub fn reset(&mut self, min: (f64, f64), max: (f64, f64)) {
+        let cell = f64::from(self.settings.cell_m);
+        self.min_x = min.0 as f32;
+        self.min_y = min.1 as f32;
+        self.width = ((max.0 - min.0) / cell).ceil().max(1.0) as usize;
+        self.height = ((max.1 - min.1) / cell).ceil().max(1.0) as usize;
+        let cells = LAYERS * self.width * self.height;
+        self.nearest.clear();
+        self.nearest.resize(cells, NONE);
+        self.distance.clear();
+        self.distance.resize(cells, u8::MAX);
+        self.surfels.clear();
+        self.moments.clear();
+    }
+
+    /// Number of surfels.
+    pub fn surfel_count(&self) -> usize {
+        self.surfels.len()
+    }
+
+    /// The settings it was made with.
+    pub fn settings(&self) -> &FieldSettings {
+        &self.settings
+    }
+
+    /// Adds a scan's points, seen from `field_from_scan`.
+    pub fn insert(&mut self, points: &[LinePoint], field_from_scan: &Pose2) {
+        let (s, c) = field_from_scan.yaw.sin_cos();
+        let (s, c) = (s as f32, c as f32);
+        let (tx, ty) = (field_from_scan.x as f32, field_from_scan.y as f32);
+        for p in points {
+            let x = tx + c * p.x - s * p.y;
+            let y = ty + s * p.x + c * p.y;
+            let nx = c * p.nx - s * p.ny;
+            let ny = s * p.nx + c * p.ny;
+            self.insert_point(x, y, nx, ny, p.variance);
+        }
+    }
+
+    fn insert_point(&mut self, x: f32, y: f32, nx: f32, ny: f32, variance: f32) {
+        let Some((column, row)) = self.cell_of(x, y) else { return };
+        let (layer, neighbour_layer) = layers_of(nx, ny);
+        let cell = self.index(layer, column, row);
+        let weight = 1.0 / variance;
+        let (id, is_new) = if self.distance[cell] == 0 {
+            (self.nearest[cell], false)
+        } else if self.surfels.len() < usize::from(NONE) {
+            self.surfels.push(Surfel::default());
+            self.moments.push(Moments::default());
+            ((self.surfels.len() - 1) as u16, true)
+        } else {
+            return;
+        };
+        let m = &mut self.moments[usize::from(id)];
+        m.weight += weight;
+        m.x += weight * x;
+        m.y += weight * y;
+        m.nx += weight * nx;
+        m.ny += weight * ny;
+        self.surfels[usize::from(id)] = m.line(self.settings.roughness_m);
+        if is_new {
+            self.spread(id, layer, column, row, 0);
+            if let Some(neighbour) = neighbour_layer {
+                self.spread(id, neighbour, column, row, 1);
+            }
+        }
+    }
+
+    /// Makes surfel `id` the nearest one in every cell it is nearer to than the present one.
+    fn spread(&mut self, id: u16, layer: usize, column: usize, row: usize, at_least: u8) {
+        let base = layer * self.width * self.height;
+        for &(dx, dy, d) in &self.stamp {
+            let (u, v) = (column as isize + isize::from(dx), row as isize + isize::from(dy));
+            if u < 0 || v < 0 || u >= self.width as isize || v >= self.height as isize {
+                continue;
+            }
+            let cell = base + v as usize * self.width + u as usize;
+            let d = d.max(at_least);
+            if d < self.distance[cell] {
+                self.distance[cell] = d;
+                self.nearest[cell] = id;
+            }
+        }
+    }
+
+    fn cell_of(&self, x: f32, y: f32) -> Option<(usize, usize)> {
+        let inverse = 1.0 / self.settings.cell_m;
+        let u = (x - self.min_x) * inverse;
+        let v = (y - self.min_y) * inverse;
+        let inside = u >= 0.0 && v >= 0.0 && u < self.width as f32 && v < self.height as f32;
+        inside.then_some((u as usize, v as usize))
+    }
+
+    fn index(&self, layer: usize, column: usize, row: usize) -> usize {
+        (layer * self.height + row) * self.width + column
+    }
+
+    /// The surfel nearest to a point whose surface normal is `(nx, ny)`, if one is in reach.
+    pub(crate) fn nearest(&self, x: f32, y: f32, nx: f32, ny: f32) -> Option<&Surfel> {
+        let (column, row) = self.cell_of(x, y)?;
+        let id = self.nearest[self.index(layer_of(nx, ny), column, row)];
+        self.surfels.get(usize::from(id))
+    }
+}
+
+impl Moments {
+    fn line(&self, roughness_m: f32) -> Surfel {
+        let inverse = 1.0 / self.weight;
+        let norm = 1.0 / self.nx.hypot(self.ny).max(1e-12);
+        let (nx, ny) = (self.nx * norm, self.ny * norm);
+        Surfel {
+            nx,
+            ny,
+            offset: (nx * self.x + ny * self.y) * inverse,
+            variance: inverse + roughness_m * roughness_m,
+        }
+    }
+}
+
+/// The layer of a normal: the axis direction it is nearest to.
+fn layer_of(nx: f32, ny: f32) -> usize {
+    if nx.abs() >= ny.abs() { if nx >= 0.0 { 0 } else { 2 } } else if ny >= 0.0 { 1 } else { 3 }
+}
+
+/// The layer of a normal and the next one if the normal is not far from it.
+fn layers_of(nx: f32, ny: f32) -> (usize, Option<usize>) {
+    let layer = layer_of(nx, ny);
+    let (along, positive, negative) = if layer % 2 == 0 { (ny, 1, 3) } else { (nx, 0, 2) };
+    let neighbour = if along >= 0.0 { positive } else { negative };
+    (layer, (along.abs() >= NEIGHBOUR_LAYER_COMPONENT).then_some(neighbour))
+}
+
+/// All cell offsets within `radius` cells, nearest first.
+fn disk(radius: f32) -> Vec<(i16, i16, u8)> {
+    let reach = radius.clamp(1.0, 15.0);
+    let r = reach.floor() as i16;
+    let mut cells: Vec<(i16, i16, u8)> = (-r..=r)
+        .flat_map(|dy| (-r..=r).map(move |dx| (dx, dy, dx * dx + dy * dy)))
+        .filter(|&(_, _, d)| f32::from(d) <= reach * reach)
+        .map(|(dx, dy, d)| (dx, dy, d as u8))
+        .collect();
+    cells.sort_by_key(|&(dx, dy, d)| (d, dy, dx));
+    cells
+}
+
+/// The measurement error model of a laser scanner: WSM's `s_l` and `s_theta`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BeamNoise {
+    /// Standard deviation of a range, metres.
+    pub range_std_m: f32,
+    /// Standard deviation of a bearing, radians.
+    pub bearing_std_rad: f32,
+}
+
+impl Default for BeamNoise {
+    fn default() -> Self {
+        BeamNoise { range_std_m: 0.01, bearing_std_rad: 0.002 }
+    }
+}
+
+/// The points of a cloud that lie on a smooth surface, in the form the fast matcher wants.
+pub fn line_points(cloud: &PointCloud, noise: &BeamNoise) -> Vec<LinePoint> {
+    let on_line = |p: &crate::CloudPoint| {
+        let normal = p.normal?;
+        // Noise of the endpoint along its normal: range noise times the incidence's cosine, bearing
+        // noise times its sine.
+        let cos = p.ray.dot(&normal) as f32;
+        let sin2 = (1.0 - cos * cos).max(0.0);
+        let along = noise.range_std_m * noise.range_std_m * cos * cos;
+        let across = noise.bearing_std_rad * p.range as f32;
+        Some(LinePoint {
+            x: p.position.x as f32,
+            y: p.position.y as f32,
+            nx: normal.x as f32,
+            ny: normal.y as f32,
+            variance: along + across * across * sin2 + 1e-6,
+        })
+    };
+    cloud.points.iter().filter_map(on_line).collect()
+}
