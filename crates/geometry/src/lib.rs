@@ -20,7 +20,7 @@ mod lie;
 mod pose2;
 
 pub use angle::wrap_angle;
-pub use gaussian::GaussianPose2;
+pub use gaussian::{Gaussian, GaussianPose2};
 pub use lie::LieGroup;
 pub use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 pub use pose2::Pose2;

@@ -1,1 +1,50 @@
-//! Placeholder crate doc; written with the crate.
+//! Sparse pose-graph optimisation on Lie groups.
+//!
+//! A [`PoseGraph`] holds poses (`map_from_node`) and measured relative poses with their
+//! information. An [`Optimizer`] finds the most likely poses by damped Gauss-Newton; it keeps the
+//! symbolic analysis, so that calling it again on a graph of the same structure is cheap. Wrong
+//! closures are met with robust kernels ([`Kernel`]).
+//!
+//! Everything is generic over the group: SE(2) (`Pose2`, 3) and SE(3) (`Pose3`, 6).
+//! The equations are derived in `docs/math/pose-graph.md`.
+//!
+//! ```
+//! use geometry::{Matrix3, Pose2};
+//! use manifoldslam_optimizer::{Edge, EdgeKind, PoseGraph, Settings, optimize};
+//!
+//! // A square walked once; the last edge closes the loop. Odometry turned a little too much.
+//! let mut graph = PoseGraph::<Pose2, 3>::new();
+//! let step = Pose2::new(1.0, 0.0, 1.6);
+//! let mut pose = Pose2::IDENTITY;
+//! for id in 0..4 {
+//!     graph.add_node(id, pose)?;
+//!     pose = pose * step;
+//! }
+//! for id in 0..3 {
+//!     graph.add_edge(Edge::new(id, id + 1, step, Matrix3::identity(), EdgeKind::Sequential))?;
+//! }
+//! let home = Pose2::new(1.0, 0.0, std::f64::consts::FRAC_PI_2);
+//! graph.add_edge(Edge::new(3, 0, home, Matrix3::identity() * 100.0, EdgeKind::Closure))?;
+//!
+//! let report = optimize(&mut graph, &Settings::default())?;
+//! assert!(report.final_cost < 0.1 * report.initial_cost);
+//! # Ok::<(), manifoldslam_optimizer::OptimizerError>(())
+//! ```
+
+mod cholesky;
+mod components;
+mod error;
+mod graph;
+mod kernel;
+mod linear_system;
+mod marginals;
+mod optimizer;
+mod settings;
+mod structure;
+
+pub use error::OptimizerError;
+pub use graph::{Edge, EdgeKind, Node, PoseGraph};
+pub use kernel::Kernel;
+pub use marginals::Marginals;
+pub use optimizer::{Optimizer, optimize};
+pub use settings::{Method, Report, RobustScope, Settings, Status};
