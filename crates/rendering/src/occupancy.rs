@@ -1,0 +1,246 @@
+use crate::counts::BAND_ROWS;
+use crate::{GridFrame, HitMissCounts};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What a cell is taken for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[repr(u8)]
+pub enum Cell {
+    /// Nothing is known.
+    #[default]
+    Unknown,
+    /// Scans looked through it.
+    Free,
+    /// Scans saw a surface in it.
+    Occupied,
+}
+
+/// When a cell counts as wall.
+///
+/// Three tests, each against one fault of plain hit-and-miss maps:
+/// 1. *Share.* Hits must be at least `wall_share` of all that was seen of the cell. Well below one
+///    half, since a wall cell is also looked through: by rays that pass it at grazing incidence and by scans
+///    whose pose is a centimetre off. Without it people who walked by stay in the map.
+/// 2. *Ridge.* Hits must be at least `ridge_share` of the most hit cell within `ridge_radius_m`. Range
+///    and pose noise spread a wall over several cells, and behind it no ray ever passes that could
+///    clear them: the share test alone draws walls too thick, and thicker the longer they were
+///    looked at. The ridge of the hits is where the wall most likely is.
+/// 3. *Company.* A cell with no occupied neighbour needs two scans that saw it: one stray beam draws no
+///    speck.
+///
+/// Hits are first summed over `smoothing_m` around a cell, so that at fine resolutions, where few
+/// scans hit the very same cell, a wall stays closed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OccupancyRule {
+    /// Smallest share of hits among hits and misses, 0 to 1.
+    pub wall_share: f64,
+    /// Smallest share of the most hit cell near by, 0 to 1.
+    pub ridge_share: f64,
+    /// How far the most hit cell is looked for, metres: two to three times the noise of a hit.
+    pub ridge_radius_m: f64,
+    /// Radius over which hits are summed, metres.
+    pub smoothing_m: f64,
+}
+
+impl Default for OccupancyRule {
+    fn default() -> Self {
+        OccupancyRule {
+            wall_share: 0.25,
+            ridge_share: 0.5,
+            ridge_radius_m: 0.05,
+            smoothing_m: 0.01,
+        }
+    }
+}
+
+/// A map of free, occupied and unknown cells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OccupancyGrid {
+    frame: GridFrame,
+    cells: Vec<Cell>,
+}
+
+impl OccupancyGrid {
+    /// Decides every cell.
+    pub fn decide(counts: &HitMissCounts, rule: &OccupancyRule) -> Self {
+        let frame = *counts.frame();
+        let mut cells = vec![Cell::Unknown; frame.len()];
+        let band_len = (BAND_ROWS * frame.width).max(1);
+        cells.par_chunks_mut(band_len).enumerate().for_each(|(i, band)| {
+            Decision::new(counts, rule, i * BAND_ROWS).decide(band);
+        });
+        let mut grid = OccupancyGrid { frame, cells };
+        for (index, cell) in grid.lonely(counts) {
+            grid.cells[index] = cell;
+        }
+        grid
+    }
+
+    /// A grid from its cells, row by row from the bottom.
+    ///
+    /// Cells that are missing are unknown; surplus cells are dropped.
+    pub fn from_cells(frame: GridFrame, mut cells: Vec<Cell>) -> Self {
+        cells.resize(frame.len(), Cell::Unknown);
+        OccupancyGrid { frame, cells }
+    }
+
+    /// Where the grid lies.
+    pub fn frame(&self) -> &GridFrame {
+        &self.frame
+    }
+
+    /// One cell.
+    pub fn cell(&self, column: usize, row: usize) -> Cell {
+        self.cells[row * self.frame.width + column]
+    }
+
+    /// One row of cells; row 0 is the lowest.
+    pub fn row(&self, row: usize) -> &[Cell] {
+        &self.cells[row * self.frame.width..(row + 1) * self.frame.width]
+    }
+
+    /// How many cells are of a kind.
+    pub fn count(&self, kind: Cell) -> usize {
+        self.cells.iter().filter(|c| **c == kind).count()
+    }
+
+    /// The same map without its unknown borders, but for a margin.
+    pub fn trimmed(self, margin_m: f64) -> Self {
+        let GridFrame { width, height, resolution_m, .. } = self.frame;
+        let margin = (margin_m.max(0.0) / resolution_m) as usize;
+        let known = |row: &[Cell]| row.iter().any(|c| *c != Cell::Unknown);
+        let rows: Vec<usize> = (0..height).filter(|&r| known(self.row(r))).collect();
+        let (Some(&bottom), Some(&top)) = (rows.first(), rows.last()) else { return self };
+        let (mut left, mut right) = (width, 0);
+        for &r in &rows {
+            let row = self.row(r);
+            left = left.min(row.iter().position(|c| *c != Cell::Unknown).unwrap_or(width));
+            right = right.max(row.iter().rposition(|c| *c != Cell::Unknown).unwrap_or(0));
+        }
+        let (left, bottom) = (left.saturating_sub(margin), bottom.saturating_sub(margin));
+        let (right, top) = ((right + margin).min(width - 1), (top + margin).min(height - 1));
+        if (left, bottom, right + 1, top + 1) == (0, 0, width, height) {
+            return self;
+        }
+        self.crop(left, bottom, right + 1 - left, top + 1 - bottom)
+    }
+
+    fn crop(self, left: usize, bottom: usize, width: usize, height: usize) -> Self {
+        let cells = (bottom..bottom + height)
+            .flat_map(|r| self.row(r)[left..left + width].iter().copied())
+            .collect();
+        let corner = nalgebra::Vector2::new(left as f64, bottom as f64) * self.frame.resolution_m;
+        let frame = GridFrame { origin: self.frame.origin + corner, width, height, ..self.frame };
+        OccupancyGrid { frame, cells }
+    }
+
+    /// Occupied cells without occupied neighbours that one scan alone saw, and what they are instead.
+    fn lonely(&self, counts: &HitMissCounts) -> Vec<(usize, Cell)> {
+        let (width, height) = (self.frame.width, self.frame.height);
+        let in_row = |row: usize| {
+            let occupied = move |c: usize| self.cell(c, row) == Cell::Occupied;
+            (0..width).filter(move |&c| occupied(c)).filter_map(move |c| {
+                let (r0, r1) = (row.saturating_sub(1), (row + 1).min(height - 1));
+                let (c0, c1) = (c.saturating_sub(1), (c + 1).min(width - 1));
+                let block = (r0..=r1).flat_map(|r| &self.row(r)[c0..=c1]);
+                let alone = block.filter(|b| **b == Cell::Occupied).count() == 1;
+                let seen_through = counts.misses(c, row) > 0;
+                let instead = if seen_through { Cell::Free } else { Cell::Unknown };
+                (alone && counts.hits(c, row) < 2).then_some((row * width + c, instead))
+            })
+        };
+        (0..height).into_par_iter().flat_map_iter(in_row).collect()
+    }
+}
+
+/// The decision for one band of rows.
+struct Decision<'a> {
+    counts: &'a HitMissCounts,
+    rule: &'a OccupancyRule,
+    first: usize,
+    /// Radius of the ridge test in cells.
+    ridge: usize,
+    /// Radius of the smoothing in cells.
+    blur: usize,
+}
+
+impl<'a> Decision<'a> {
+    fn new(counts: &'a HitMissCounts, rule: &'a OccupancyRule, first: usize) -> Self {
+        let resolution = counts.frame().resolution_m;
+        // More than 50 cells of either would be slow and mean a wrong unit.
+        let cells = |metres: f64| (metres / resolution).round().clamp(0.0, 50.0) as usize;
+        let (ridge, blur) = (cells(rule.ridge_radius_m), cells(rule.smoothing_m));
+        Decision { counts, rule, first, ridge, blur }
+    }
+
+    fn decide(&self, band: &mut [Cell]) {
+        let GridFrame { width, height, .. } = *self.counts.frame();
+        let rows = band.len() / width;
+        let low = self.first.saturating_sub(self.ridge);
+        let high = (self.first + rows + self.ridge).min(height);
+        let hits = self.smoothed(low, high);
+        let misses = self.counts.miss_rows();
+        for (i, cell) in band.iter_mut().enumerate() {
+            let (column, row) = (i % width, self.first + i / width);
+            let seen_through = misses[row * width + column];
+            let here = hits[(row - low) * width + column];
+            if here > 0 && self.is_wall(&hits, low, column, row, here, seen_through) {
+                *cell = Cell::Occupied;
+            } else if seen_through > 0 {
+                *cell = Cell::Free;
+            }
+        }
+    }
+
+    fn is_wall(
+        &self,
+        hits: &[u32],
+        low: usize,
+        column: usize,
+        row: usize,
+        here: u32,
+        seen_through: u16,
+    ) -> bool {
+        let side = (2 * self.blur + 1) as f64;
+        let mean_hits = f64::from(here) / side;
+        if mean_hits < self.rule.wall_share * (mean_hits + f64::from(seen_through)) {
+            return false;
+        }
+        let width = self.counts.frame().width;
+        let columns = column.saturating_sub(self.ridge)..(column + self.ridge + 1).min(width);
+        let rows = row.saturating_sub(self.ridge).max(low)
+            ..(row + self.ridge + 1).min(low + hits.len() / width);
+        let peak = rows
+            .flat_map(|r| &hits[(r - low) * width..][columns.clone()])
+            .fold(here, |max, h| max.max(*h));
+        f64::from(here) >= self.rule.ridge_share * f64::from(peak)
+    }
+
+    /// Hits of rows `low..high`, summed over the square of radius `blur` around each cell.
+    fn smoothed(&self, low: usize, high: usize) -> Vec<u32> {
+        let GridFrame { width, height, .. } = *self.counts.frame();
+        let raw = self.counts.hit_rows();
+        let mut sums = vec![0_u32; (high - low) * width];
+        let mut column_sums = vec![0_u32; width];
+        for (row, out) in (low..high).zip(sums.chunks_mut(width)) {
+            column_sums.fill(0);
+            for r in row.saturating_sub(self.blur)..(row + self.blur + 1).min(height) {
+                let source = &raw[r * width..(r + 1) * width];
+                column_sums.iter_mut().zip(source).for_each(|(s, h)| *s += u32::from(*h));
+            }
+            if self.blur == 0 {
+                out.copy_from_slice(&column_sums);
+                continue;
+            }
+            let mut sum: u32 = column_sums[..self.blur.min(width)].iter().sum();
+            for (c, out) in out.iter_mut().enumerate() {
+                sum += column_sums.get(c + self.blur).copied().unwrap_or(0);
+                *out = sum;
+                sum -= c.checked_sub(self.blur).map_or(0, |k| column_sums[k]);
+            }
+        }
+        sums
+    }
+}
