@@ -1,4 +1,4 @@
-//! Poses in the plane, angles and Gaussian poses.
+//! Poses in the plane and in space, angles and Gaussian poses.
 //!
 //! Conventions, said once here and used by every crate:
 //! - right-handed frames, x forward, y left, z up, yaw counter-clockwise; metres and radians;
@@ -18,9 +18,11 @@ mod angle;
 mod gaussian;
 mod lie;
 mod pose2;
+mod pose3;
 
 pub use angle::wrap_angle;
 pub use gaussian::{Gaussian, GaussianPose2};
 pub use lie::LieGroup;
 pub use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 pub use pose2::Pose2;
+pub use pose3::Pose3;
