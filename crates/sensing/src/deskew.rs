@@ -1,4 +1,5 @@
-use geometry::{LieGroup, Pose2, Vector3};
+use crate::Scan;
+use geometry::{LieGroup, Pose2, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// A robot's planar velocity in its own base frame.
@@ -14,5 +15,55 @@ impl Twist {
     /// The motion in the base frame after `secs` of constant velocity: an arc.
     pub fn motion(&self, secs: f64) -> Pose2 {
         Pose2::exp(&Vector3::new(self.forward_m_per_sec * secs, 0.0, self.yaw_rad_per_sec * secs))
+    }
+}
+
+/// A sweep taken while the robot moved: beams are measured one after the other, from the first to the
+/// last in `duration_secs`, at constant velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    /// Velocity of the base during the sweep.
+    pub twist: Twist,
+    /// Time from the first to the last beam, seconds.
+    pub duration_secs: f64,
+    /// Where in the sweep the scan's pose belongs: 0 at the first beam, 1 at the last.
+    pub reference: f64,
+}
+
+/// One hit of a moving scanner, in the base frame at the sweep's reference time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeskewedHit {
+    /// Index of the beam in its scan.
+    pub beam: u32,
+    /// Where the laser was when it measured the beam, metres.
+    pub origin: Vector2<f64>,
+    /// Where the beam hit, metres.
+    pub endpoint: Vector2<f64>,
+}
+
+impl Sweep {
+    /// `reference_from_beam`: the base frame at the time of beam `index` of `beams`, seen from the base
+    /// frame at the reference time.
+    pub fn reference_from_beam(&self, index: usize, beams: usize) -> Pose2 {
+        let progress = if beams > 1 { index as f64 / (beams - 1) as f64 } else { self.reference };
+        self.twist.motion((progress - self.reference) * self.duration_secs)
+    }
+
+    /// The scan's hits as one rigid picture at the reference time: each beam starts where the laser was
+    /// when it was measured.
+    pub fn deskew(&self, scan: &Scan, base_from_laser: &Pose2) -> Vec<DeskewedHit> {
+        (0..scan.len())
+            .filter_map(|i| {
+                let range = f64::from(scan.hit(i)?);
+                let (sin, cos) = scan.laser().bearing(i).sin_cos();
+                let reference_from_laser =
+                    self.reference_from_beam(i, scan.len()) * *base_from_laser;
+                Some(DeskewedHit {
+                    beam: i as u32,
+                    origin: reference_from_laser.translation(),
+                    endpoint: reference_from_laser.transform(Vector2::new(cos, sin) * range),
+                })
+            })
+            .collect()
     }
 }

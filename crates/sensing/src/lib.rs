@@ -11,13 +11,14 @@
 //! assert_eq!(scan.class(2), BeamClass::NoReturn);
 //! ```
 
+mod decimation;
 mod deskew;
 mod limits;
 mod observation;
 mod scan;
 mod stamp;
 
-pub use deskew::Twist;
+pub use deskew::{DeskewedHit, Sweep, Twist};
 pub use limits::{LaserLimits, NoReturnDetector};
 pub use observation::{Observation, RobotId};
 pub use scan::{BeamClass, LaserModel, Scan};

@@ -52,14 +52,14 @@ impl LaserLimits {
     }
 }
 
-/// Histogram bin of the detector, metres: the resolution of the coarsest common logs.
-const BIN_M: f32 = 0.01;
+/// Histogram bins of the detector, a metre: the resolution of the coarsest common logs.
+const BINS_PER_M: f32 = 100.0;
 /// Readings beyond this are not looked at, metres: above every sensible cap.
 const REACH_M: f32 = 100.0;
 /// A code must have been read this often.
 const MIN_COUNT: u32 = 50;
 /// A code is read at least this much more often than any one value in the metre below it.
-const DOMINANCE: u32 = 10;
+const DOMINANCE: u32 = 5;
 /// Share of the readings at or beyond a code that may lie beyond it (glitches).
 const GLITCH_SHARE: f32 = 0.02;
 /// A code is read by beams at least this share of the scan apart: a far wall that a standing robot
@@ -89,7 +89,7 @@ pub struct NoReturnDetector {
 impl Default for NoReturnDetector {
     fn default() -> Self {
         let empty = Bin { count: 0, first_beam: u32::MAX, last_beam: 0 };
-        let bins = vec![empty; (REACH_M / BIN_M) as usize + 1].into_boxed_slice();
+        let bins = vec![empty; (REACH_M * BINS_PER_M) as usize + 1].into_boxed_slice();
         NoReturnDetector { bins, beams: 0 }
     }
 }
@@ -100,7 +100,7 @@ impl NoReturnDetector {
         self.beams = self.beams.max(readings_m.len() as u32);
         for (beam, &reading) in readings_m.iter().enumerate() {
             // Float-to-integer conversion saturates: NaN and negatives land in bin 0, never looked at.
-            if let Some(bin) = self.bins.get_mut((reading / BIN_M).round() as usize) {
+            if let Some(bin) = self.bins.get_mut((reading * BINS_PER_M + 0.5) as usize) {
                 bin.count = bin.count.saturating_add(1);
                 bin.first_beam = bin.first_beam.min(beam as u32);
                 bin.last_beam = bin.last_beam.max(beam as u32);
@@ -110,7 +110,7 @@ impl NoReturnDetector {
 
     /// The smallest reading that means "nothing seen", metres, as far as the scans so far tell.
     pub fn threshold(&self) -> Option<f32> {
-        let below = (1.0 / BIN_M) as usize;
+        let below = BINS_PER_M as usize;
         let mut beyond = 0u64;
         for index in (below..self.bins.len()).rev() {
             let bin = self.bins[index];
@@ -120,17 +120,17 @@ impl NoReturnDetector {
                 && spread >= MIN_SPREAD * self.beams as f32
                 && self.dominates(index, bin.count)
             {
-                return Some((index as f32 - 0.5) * BIN_M);
+                return Some((index as f32 - 0.5) / BINS_PER_M);
             }
             beyond += u64::from(bin.count);
         }
         None
     }
 
-    /// True when no bin in the metre below `index` holds a tenth of `count`. The bin right below may
+    /// True when no bin in the metre below `index` holds a fifth of `count`. The bin right below may
     /// hold the same value rounded the other way.
     fn dominates(&self, index: usize, count: u32) -> bool {
-        let metre = (1.0 / BIN_M) as usize;
+        let metre = BINS_PER_M as usize;
         let below = &self.bins[index - metre..index - 1];
         below.iter().all(|bin| bin.count < count / DOMINANCE)
     }

@@ -56,9 +56,10 @@ impl LaserModel {
         self.angle_min_rad + index as f64 * self.angle_increment_rad
     }
 
-    /// What a raw reading in metres means to this scanner.
+    /// What a raw reading in metres means to this scanner. Infinities are REP 117's: no return, too
+    /// close.
     pub fn classify(&self, range_m: f32) -> BeamClass {
-        if range_m.is_nan() || range_m < 0.0 {
+        if range_m.is_nan() || (range_m < 0.0 && range_m != f32::NEG_INFINITY) {
             BeamClass::Invalid
         } else if range_m >= self.range_max_m {
             BeamClass::NoReturn
@@ -92,6 +93,15 @@ impl Scan {
                 BeamClass::TooClose | BeamClass::Invalid => 0.0,
             })
             .collect();
+        Scan { laser, ranges, classes }
+    }
+
+    /// A scan of beams that are already classified.
+    pub(crate) fn from_parts(
+        laser: LaserModel,
+        ranges: Box<[f32]>,
+        classes: Box<[BeamClass]>,
+    ) -> Self {
         Scan { laser, ranges, classes }
     }
 
