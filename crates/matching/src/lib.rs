@@ -7,10 +7,17 @@
 
 mod cloud;
 mod fast;
+mod likelihood;
+mod line_fit;
 mod matcher;
+mod projection;
+mod search;
 mod surfel_field;
 
 pub use cloud::{CloudPoint, PointCloud, PointCloudSettings};
 pub use fast::{FastMatcher, FastSettings};
+pub use line_fit::{LineFit, LineFitSettings, fit_lines};
+pub use likelihood::{LikelihoodPyramid, LikelihoodSettings};
 pub use matcher::{MatchResult, MatchStatus, Matcher, Prior};
+pub use search::{Candidate, SearchOutcome, SearchSettings, SearchWindow};
 pub use surfel_field::{BeamNoise, FieldSettings, LinePoint, SurfelField, line_points};

@@ -1,0 +1,4 @@
+//! Oracles for the matchers: laws, brute force, known truth.
+
+mod rooms;
+mod search;
