@@ -100,6 +100,12 @@ pub enum DropReason {
     /// A pose or stamp is NaN, infinite or out of every sensible range.
     #[error("not finite or absurdly large")]
     NotFinite,
+    /// The line does not start with the name of a graph element this reader knows.
+    #[error("not a graph element this reader knows")]
+    UnknownElement,
+    /// The pose graph does not take the element.
+    #[error(transparent)]
+    Graph(#[from] optimizer::OptimizerError),
     /// Hardly a beam of the scan can be used.
     #[error("only {valid} of {beams} beams are valid")]
     TooFewValidBeams {

@@ -15,6 +15,7 @@
 mod carmen;
 mod carmen_line;
 mod error;
+pub mod g2o;
 mod input;
 mod lines;
 mod mounting;

@@ -35,6 +35,7 @@ mod cholesky;
 mod components;
 mod error;
 mod graph;
+mod initial;
 mod kernel;
 mod linear_system;
 mod marginals;
@@ -44,6 +45,7 @@ mod structure;
 
 pub use error::OptimizerError;
 pub use graph::{Edge, EdgeKind, Node, PoseGraph};
+pub use initial::initialize_spanning_tree;
 pub use kernel::Kernel;
 pub use marginals::Marginals;
 pub use optimizer::{Optimizer, optimize};
