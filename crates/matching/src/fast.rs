@@ -44,6 +44,8 @@ struct Normal {
     g: [f32; 3],
     /// Sum of the robust kernel's weights in `[0, 1]`.
     inliers: f32,
+    /// Information that the noise of the normals pretends, 1/m^2.
+    eiv: f32,
     /// Points with a correspondence.
     pairs: u32,
 }
@@ -114,7 +116,7 @@ impl FastMatcher {
     ) -> (Matrix3<f64>, Vector3<f64>, f64) {
         let normal = self.linearise(field, scan, pose, kernel_m);
         let turn = turn(pose);
-        let g = Vector3::new(normal.g[0], normal.g[1], normal.g[2]).cast::<f64>();
+        let g = corrected(&normal).1;
         let inliers = f64::from(normal.inliers) / (scan.len().max(1) as f64);
         (information_in_scan_frame(&normal, pose), turn.transpose() * g, inliers)
     }
@@ -137,6 +139,7 @@ impl FastMatcher {
             let robust = ratio * ratio;
             let w = robust / (surfel.variance + p.variance);
             let (jx, jy, jw) = (surfel.nx, surfel.ny, surfel.ny * qx - surfel.nx * qy);
+            n.eiv += w * surfel.normal_variance.min(0.1);
             n.h[0] += w * jx * jx;
             n.h[1] += w * jx * jy;
             n.h[2] += w * jx * jw;
@@ -159,14 +162,29 @@ fn turn(pose: &Pose2) -> Matrix3<f64> {
     Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
-fn information_in_field(n: &Normal) -> Matrix3<f64> {
+/// Information and gradient in field coordinates, corrected for the noise of the normals.
+///
+/// Errors in variables: noise in the normals makes `sum w n n^T` too large across the true normals, by
+/// `sum w var(normal)`; in a corridor that would be all there is. The weak direction is taken back to
+/// what is left, in the gradient as well, so that the minimum stays where it is.
+fn corrected(n: &Normal) -> (Matrix3<f64>, Vector3<f64>) {
     let [a, b, c, d, e, f] = n.h.map(f64::from);
-    Matrix3::new(a, b, c, b, d, e, c, e, f)
+    let full = Matrix3::new(a, b, c, b, d, e, c, e, f);
+    let g = Vector3::new(n.g[0], n.g[1], n.g[2]).cast::<f64>();
+    let eigen = nalgebra::Matrix2::new(a, b, b, d).symmetric_eigen();
+    let k = eigen.eigenvalues.imin();
+    let (weak, v) = (eigen.eigenvalues[k], eigen.eigenvectors.column(k).into_owned());
+    let kept = (weak - f64::from(n.eiv) * std::env::var("EIV").map_or(1.0, |v| v.parse().unwrap())).max(0.01 * weak);
+    let scale = (kept / weak.max(1e-9)).sqrt().min(1.0);
+    let p = nalgebra::Matrix2::identity() - v * v.transpose() * (1.0 - scale);
+    let mut s = Matrix3::identity();
+    s.fixed_view_mut::<2, 2>(0, 0).copy_from(&p);
+    (s * full * s, s * s * g)
 }
 
 fn information_in_scan_frame(n: &Normal, pose: &Pose2) -> Matrix3<f64> {
     let turn = turn(pose);
-    turn.transpose() * information_in_field(n) * turn
+    turn.transpose() * corrected(n).0 * turn
 }
 
 /// One Gauss-Newton step in field coordinates, the prior included.
@@ -181,8 +199,9 @@ fn solve(n: &Normal, pose: &Pose2, prior: &Prior) -> Option<Vector3<f64>> {
         pose.y - prior.pose.y,
         geometry::wrap_angle(pose.yaw - prior.pose.yaw),
     );
-    let g = Vector3::new(n.g[0], n.g[1], n.g[2]).cast::<f64>() + prior_information * offset;
-    let mut h = information_in_field(n) + prior_information;
+    let (h, g) = corrected(n);
+    let g = g + prior_information * offset;
+    let mut h = h + prior_information;
     // Just enough damping to make directions that nothing observes stand still.
     h[(0, 0)] += 1.0;
     h[(1, 1)] += 1.0;

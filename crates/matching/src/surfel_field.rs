@@ -1,5 +1,6 @@
-use crate::PointCloud;
+use crate::LineFitSettings;
 use geometry::Pose2;
+use sensing::Scan;
 use serde::{Deserialize, Serialize};
 
 /// Surface orientations are kept apart in this many layers: normals towards +x, +y, -x, -y.
@@ -39,6 +40,8 @@ pub(crate) struct Surfel {
     pub offset: f32,
     /// Variance of the line's position along its normal, m^2.
     pub variance: f32,
+    /// Variance of the normal's direction, rad^2.
+    pub normal_variance: f32,
 }
 
 /// Sums over the points of one surfel.
@@ -49,6 +52,7 @@ struct Moments {
     y: f32,
     nx: f32,
     ny: f32,
+    normal_weight: f32,
 }
 
 /// One point of a scan as the field and the fast matcher use it: scan frame, `f32`.
@@ -65,6 +69,8 @@ pub struct LinePoint {
     /// Variance of the point along its normal, m^2 (WSM's measurement error, eq. 4.3-4.5 of the
     /// thesis, projected on the normal).
     pub variance: f32,
+    /// Variance of the normal's direction, rad^2.
+    pub normal_variance: f32,
 }
 
 /// A map of surfels with, for every cell around them, the nearest one: the reference of the fast
@@ -145,11 +151,11 @@ impl SurfelField {
             let y = ty + s * p.x + c * p.y;
             let nx = c * p.nx - s * p.ny;
             let ny = s * p.nx + c * p.ny;
-            self.insert_point(x, y, nx, ny, p.variance);
+            self.insert_point(x, y, nx, ny, p.variance, p.normal_variance.max(1e-5));
         }
     }
 
-    fn insert_point(&mut self, x: f32, y: f32, nx: f32, ny: f32, variance: f32) {
+    fn insert_point(&mut self, x: f32, y: f32, nx: f32, ny: f32, variance: f32, normal_variance: f32) {
         let Some((column, row)) = self.cell_of(x, y) else { return };
         let (layer, neighbour_layer) = layers_of(nx, ny);
         let cell = self.index(layer, column, row);
@@ -167,8 +173,10 @@ impl SurfelField {
         m.weight += weight;
         m.x += weight * x;
         m.y += weight * y;
-        m.nx += weight * nx;
-        m.ny += weight * ny;
+        let normal_weight = 1.0 / normal_variance;
+        m.normal_weight += normal_weight;
+        m.nx += normal_weight * nx;
+        m.ny += normal_weight * ny;
         self.surfels[usize::from(id)] = m.line(self.settings.roughness_m);
         if is_new {
             self.spread(id, layer, column, row, 0);
@@ -225,6 +233,7 @@ impl Moments {
             ny,
             offset: (nx * self.x + ny * self.y) * inverse,
             variance: inverse + roughness_m * roughness_m,
+            normal_variance: 1.0 / self.normal_weight,
         }
     }
 }
@@ -271,23 +280,51 @@ impl Default for BeamNoise {
     }
 }
 
-/// The points of a cloud that lie on a smooth surface, in the form the fast matcher wants.
-pub fn line_points(cloud: &PointCloud, noise: &BeamNoise) -> Vec<LinePoint> {
-    let on_line = |p: &crate::CloudPoint| {
-        let normal = p.normal?;
+/// The hits of a scan that lie on a smooth surface, in the robot's base frame, in the form the fast
+/// matcher wants.
+pub fn line_points(
+    scan: &Scan,
+    base_from_laser: &Pose2,
+    noise: &BeamNoise,
+    settings: &LineFitSettings,
+) -> Vec<LinePoint> {
+    let mut hits = Vec::with_capacity(scan.len());
+    let mut rays = Vec::with_capacity(scan.len());
+    let mut starts_new = Vec::with_capacity(scan.len());
+    let mut last = None;
+    for i in 0..scan.len() {
+        let Some(range) = scan.hit(i) else { continue };
+        let (s, c) = scan.laser().bearing(i).sin_cos();
+        let range = f64::from(range);
+        hits.push((c * range, s * range, range));
+        rays.push((c, s));
+        starts_new.push(last.is_none_or(|l: usize| i - l > 2));
+        last = Some(i);
+    }
+    let fits = crate::line_fit::fit_lines(&hits, &starts_new, noise.range_std_m.into(), settings);
+    let (s, c) = base_from_laser.yaw.sin_cos();
+    let mut out = Vec::with_capacity(hits.len());
+    for ((hit, ray), fit) in hits.iter().zip(&rays).zip(&fits) {
+        let Some(fit) = fit else { continue };
+        let (mut nx, mut ny) = fit.normal;
+        let shift = fit.distance * settings.smooth;
+        let (px, py) = (hit.0 - shift * nx, hit.1 - shift * ny);
+        let cos = nx * ray.0 + ny * ray.1;
+        if cos > 0.0 {
+            (nx, ny) = (-nx, -ny);
+        }
         // Noise of the endpoint along its normal: range noise times the incidence's cosine, bearing
         // noise times its sine.
-        let cos = p.ray.dot(&normal) as f32;
-        let sin2 = (1.0 - cos * cos).max(0.0);
-        let along = noise.range_std_m * noise.range_std_m * cos * cos;
-        let across = noise.bearing_std_rad * p.range as f32;
-        Some(LinePoint {
-            x: p.position.x as f32,
-            y: p.position.y as f32,
-            nx: normal.x as f32,
-            ny: normal.y as f32,
-            variance: along + across * across * sin2 + 1e-6,
-        })
-    };
-    cloud.points.iter().filter_map(on_line).collect()
+        let along = f64::from(noise.range_std_m).powi(2) * cos * cos;
+        let across = (f64::from(noise.bearing_std_rad) * hit.2).powi(2) * (1.0 - cos * cos).max(0.0);
+        out.push(LinePoint {
+            x: (base_from_laser.x + c * px - s * py) as f32,
+            y: (base_from_laser.y + s * px + c * py) as f32,
+            nx: (c * nx - s * ny) as f32,
+            ny: (s * nx + c * ny) as f32,
+            variance: (along + across + 1e-6) as f32,
+            normal_variance: fit.normal_variance as f32,
+        });
+    }
+    out
 }

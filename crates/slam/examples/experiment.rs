@@ -47,14 +47,14 @@ pub fn score(keys:&[i64], traj:&[Pose2], rels:&[Rel]) -> String {
 }
 fn main() {
     let odo = std::env::args().nth(1).as_deref() != Some("off");
-    for name in ["intel","aces","mit-csail"] {
+    for name in std::env::var("LOGS").unwrap_or("intel aces mit-csail".into()).split(' ') {
         let base=format!("../shared/data/laser-logs/{name}");
         let (obs,keys)=load(&format!("{base}.clf.bz2")); let rels=relations(&format!("{base}.relations"));
         let mut config=SlamConfig::default(); config.odometry.enabled=odo;
         if let Ok(t)=std::env::var("CONF") { for kv in t.split(',') { let (k,v)=kv.split_once('=').unwrap(); set(&mut config,k,v.parse().unwrap()); } }
         let t0=Instant::now();
         let mut m=Mapper::new(config);
-        for (i,o) in obs.into_iter().enumerate() { m.step(o); if std::env::var("LOW").is_ok() { let r=m.last_inliers; if r<0.5 { println!("  low {i} {r:.2}"); } } }
+        for (i,o) in obs.into_iter().enumerate() { m.step(o); if let Ok(d)=std::env::var("DBG") { let (a,b)=d.split_once('-').unwrap(); let (a,b):(usize,usize)=(a.parse().unwrap(),b.parse().unwrap()); if i>=a && i<=b { let r=m.last.unwrap(); let t=m.trajectory(); let d=t[i-1].between(&t[i]); let inf=r.covariance.try_inverse().unwrap(); println!("  {i} motion {:.3} {:.3} {:.4} odo {:.3} {:.3} {:.4} inl {:.2} it {} info {:.0} {:.0} {:.0} sig {:.4} {:.4} {:.5} ", d.x,d.y,d.yaw,m.odo.x,m.odo.y,m.odo.yaw,r.inlier_ratio,r.iterations,inf[(0,0)],inf[(1,1)],inf[(2,2)],r.covariance[(0,0)].sqrt(),r.covariance[(1,1)].sqrt(),r.covariance[(2,2)].sqrt()); } } if std::env::var("LOW").is_ok() { let r=m.last_inliers; if r<0.5 { println!("  low {i} {r:.2}"); } } }
         let dt=t0.elapsed().as_secs_f64();
         println!("{name:10} front {:.3}s patches {} tried {} accepted {} opts {} {}", dt, m.manifold().patches().len(), m.tried(), m.accepted, m.optimised, score(&keys,&m.trajectory(),&rels));
         let dt = { let t=Instant::now(); m.finish(); t.elapsed().as_secs_f64() };
@@ -66,9 +66,9 @@ fn set(c:&mut SlamConfig,k:&str,v:f64){ match k {
     "range"=>c.noise.range_std_m=v as f32,"bear"=>c.noise.bearing_std_rad=v as f32,"kend"=>c.matcher.kernel_end_m=v as f32,"kstart"=>c.matcher.kernel_start_m=v as f32,"decay"=>c.matcher.kernel_decay=v as f32,
     "ext_d"=>c.extension.distance_m=v,"ext_t"=>c.extension.turn_rad=v,"expl"=>c.extension.explained=v,"ext_i"=>c.extension.translation_m=v,"ext_r"=>c.extension.rotation_rad=v,
     "sub_d"=>c.submap.distance_m=v,"sub_n"=>c.submap.patches=v as usize,"sub_t"=>c.submap.translation_m=v,
-    "nn"=>c.cloud.normal_neighbours=v as usize,"jump"=>c.cloud.jump_ratio=v,
+    "len"=>c.lines.length_m=v,"minn"=>c.lines.min_neighbours=v as usize,"maxn"=>c.lines.max_neighbours=v as usize,"straight"=>c.lines.straight_m=v,"smooth"=>c.lines.smooth=v,"jump"=>c.lines.jump_ratio=v,"jm"=>c.lines.jump_m=v,
     "close"=>c.closing.enabled=v>0.5,"share"=>c.closing.share=v,"every"=>c.closing.every_m=v,"cands"=>c.closing.candidates=v as usize,"ft"=>c.closing.floor_t=v,"fr"=>c.closing.floor_r=v,"creach"=>c.closing.reach_m=v,
     "rounds"=>c.refit.rounds=v as usize,"od"=>c.refit.overlap_distance_m=v,"on"=>c.refit.overlaps_per_patch=v as usize,"os"=>c.refit.overlap_share=v,"rk"=>c.refit.kernel_m=v,"oi"=>c.refit.overlap_inflation=v,"si"=>c.refit.seq_inflation=v,"cm"=>c.refit.cluster_m=v,"cr"=>c.refit.cluster_reach_m=v,
     "ncos"=>c.matcher.normal_cos=v as f32,
-    "opm"=>c.odometry.translation_per_m=v,"orr"=>c.odometry.rotation_per_rad=v,"orm"=>c.odometry.rotation_per_m_rad=v,"otf"=>c.odometry.translation_floor_m=v,"orf"=>c.odometry.rotation_floor_rad=v,
+    "opm"=>c.odometry.translation_per_m=v,"orr"=>c.odometry.rotation_per_rad=v,"orm"=>c.odometry.rotation_per_m_rad=v,"ow"=>c.odometry.weight=v,"ro"=>c.odometry.refit_weight=v,"otr"=>c.odometry.translation_per_rad_m=v,"rp"=>c.refit.reloc_prior=v,"ui"=>c.refit.unary_inflation=v,"otf"=>c.odometry.translation_floor_m=v,"orf"=>c.odometry.rotation_floor_rad=v,
     _=>panic!("{k}") } }

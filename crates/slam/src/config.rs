@@ -1,6 +1,6 @@
 use crate::{ClosingSettings, RefitSettings};
 use manifold::SubmapLimits;
-use matching::{BeamNoise, FastSettings, FieldSettings, PointCloudSettings};
+use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings};
 use serde::{Deserialize, Serialize};
 
 /// Everything that can be set about the pipeline. The defaults are meant for every building.
@@ -15,8 +15,8 @@ pub struct SlamConfig {
     pub submap: SubmapLimits,
     /// The laser's measurement error.
     pub noise: BeamNoise,
-    /// How scans become clouds.
-    pub cloud: PointCloudSettings,
+    /// How surface lines are fitted to scans.
+    pub lines: LineFitSettings,
     /// The surfel field of local submaps.
     pub field: FieldSettings,
     /// The fast matcher.
@@ -33,6 +33,10 @@ pub struct SlamConfig {
 pub struct OdometrySettings {
     /// Use odometry where the log has it.
     pub enabled: bool,
+    /// weight
+    pub weight: f64,
+    /// weight in refit
+    pub refit_weight: f64,
     /// Error of the translation per metre driven.
     pub translation_per_m: f64,
     /// Error of the translation per radian turned, metres.
@@ -51,6 +55,8 @@ impl Default for OdometrySettings {
     fn default() -> Self {
         OdometrySettings {
             enabled: true,
+            weight: 10.0,
+            refit_weight: 1.0,
             translation_per_m: 0.1,
             translation_per_rad_m: 0.05,
             rotation_per_rad: 0.15,

@@ -105,7 +105,7 @@ impl FrontEnd {
             o.translation_floor_m + o.translation_per_m * distance + o.translation_per_rad_m * turn;
         let rotation =
             o.rotation_floor_rad + o.rotation_per_rad * turn + o.rotation_per_m_rad * distance;
-        let (t, r) = (translation.powi(-2), rotation.powi(-2));
+        let (t, r) = (o.weight * translation.powi(-2), o.weight * rotation.powi(-2));
         let information = Matrix3::from_diagonal(&Vector3::new(t, t, r));
         Prior { pose: self.anchor_from_base * motion, information }
     }
@@ -153,7 +153,7 @@ impl FrontEnd {
         let (from, anchor_from_from) = self.submap.nearest(&self.anchor_from_base, 1.0);
         let from_from_to = anchor_from_from.between(&self.anchor_from_base);
         let information = result.covariance.try_inverse().unwrap_or_else(Matrix3::zeros);
-        let covariance = (information + prior.information + Matrix3::identity() * 1e-3)
+        let covariance = (information + prior.information / self.config.odometry.weight + Matrix3::identity() * 1e-3)
             .try_inverse()
             .unwrap_or(result.covariance)
             * 4.0;

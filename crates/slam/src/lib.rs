@@ -6,6 +6,7 @@ mod front_end;
 mod loop_closing;
 mod mapper;
 mod refit;
+mod smoother;
 
 pub use config::{ExtensionSettings, OdometrySettings, SlamConfig};
 pub use loop_closing::ClosingSettings;

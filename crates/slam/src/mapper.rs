@@ -5,7 +5,7 @@ use crate::loop_closing::{Closure, LoopCloser};
 use crate::refit::{optimise, refit, relation, relocalise};
 use geometry::Pose2;
 use manifold::{Manifold, PatchId, Provenance};
-use matching::{FastMatcher, LinePoint, PointCloud, line_points};
+use matching::{FastMatcher, LinePoint, line_points};
 use optimizer::Kernel;
 use sensing::Observation;
 
@@ -27,10 +27,16 @@ pub struct Mapper {
     points: PatchPoints,
     scans: Vec<ScanPose>,
     scan_points: Vec<Vec<LinePoint>>,
+    odometry: Vec<Option<Pose2>>,
+    scan_odometry: Vec<Option<Pose2>>,
+    driven: f64,
+    drivens: Vec<(f64, f64)>,
+    turned: f64,
     pub accepted: usize,
     pub optimised: usize,
     /// debug
     pub last_inliers: f64,
+    pub odo: Pose2, pub last: Option<matching::MatchResult>, last_odo: Pose2,
 }
 
 impl Mapper {
@@ -45,20 +51,25 @@ impl Mapper {
             points: Vec::new(),
             scans: Vec::new(),
             scan_points: Vec::new(),
+            odometry: Vec::new(), scan_odometry: Vec::new(), driven: 0.0, turned: 0.0, drivens: Vec::new(),
             accepted: 0,
             optimised: 0,
-            last_inliers: 1.0,
+            last_inliers: 1.0, odo: Pose2::IDENTITY, last: None, last_odo: Pose2::IDENTITY,
         }
     }
 
     /// One observation.
     pub fn step(&mut self, observation: Observation) {
-        let cloud = PointCloud::from_scan(&observation.scan, &observation.base_from_laser, &self.config.cloud);
-        let scan = line_points(&cloud, &self.config.noise);
+        let scan = line_points(&observation.scan, &observation.base_from_laser, &self.config.noise, &self.config.lines);
         self.scan_points.push(scan.clone());
+        if let Some(o) = observation.odom_from_base { self.odo = self.last_odo.between(&o); self.last_odo = o; self.driven += self.odo.norm(); self.turned += self.odo.yaw.abs(); }
+        let odometry = observation.odom_from_base.filter(|_| self.config.odometry.enabled);
+        self.scan_odometry.push(odometry);
         let l = self.front_end.process(observation, scan, &mut self.manifold, &mut self.points);
+        self.last = l.result;
         self.last_inliers = l.result.map_or(1.0, |r| r.inlier_ratio);
         self.scans.push(ScanPose { patch: l.patch, patch_from_base: l.patch_from_base });
+        if l.is_patch { self.odometry.push(odometry); self.drivens.push((self.driven, self.turned)); }
         if l.is_patch && self.config.closing.enabled {
             self.close_loops(l.patch);
         }
@@ -110,9 +121,19 @@ impl Mapper {
         let t = std::time::Instant::now();
         if self.config.closing.enabled { optimise(&mut self.manifold, Kernel::Cauchy { scale: 3.0 }); }
         let t1 = t.elapsed();
-        refit(&mut self.manifold, &self.points, self.config.field, &matcher, &self.config.refit);
+        let mut odo = Vec::new();
+        let o = self.config.odometry;
+        for k in 1..self.odometry.len() {
+            if let (Some(a), Some(b)) = (self.odometry[k - 1], self.odometry[k]) {
+                let (d, t) = (self.drivens[k].0 - self.drivens[k - 1].0, self.drivens[k].1 - self.drivens[k - 1].1);
+                let st = o.translation_floor_m + o.translation_per_m * d + o.translation_per_rad_m * t;
+                let sr = o.rotation_floor_rad + o.rotation_per_m_rad * d + o.rotation_per_rad * t;
+                odo.push((k as u32, a.between(&b), o.refit_weight * st.powi(-2), o.refit_weight * sr.powi(-2)));
+            }
+        }
+        refit(&mut self.manifold, &odo, &self.points, self.config.field, &matcher, &self.config.refit);
         let t2 = t.elapsed();
-        relocalise(&self.manifold, &self.points, &mut self.scans, &self.scan_points, self.config.field, &matcher, &self.config.refit);
+        relocalise(&self.manifold, &self.points, &mut self.scans, &self.scan_points, self.config.field, &matcher, &self.config.refit, &self.scan_odometry, &self.config.odometry);
         eprintln!("   opt {:?} refit {:?} relocalise {:?}", t1, t2 - t1, t.elapsed() - t2);
     }
 

@@ -1,5 +1,6 @@
 use crate::active_submap::PatchPoints;
 use crate::mapper::ScanPose;
+use crate::smoother::{Knowledge, smooth};
 use geometry::{GaussianPose2, LieGroup, Matrix3, Pose2};
 use manifold::{Manifold, PatchId, Provenance};
 use matching::{FastMatcher, FieldSettings, LinePoint, Prior, SurfelField};
@@ -26,6 +27,10 @@ pub struct RefitSettings {
     /// Sequential information is divided by this.
     pub seq_inflation: f64,
     /// Radius of final clusters
+    pub reloc_prior: f64,
+    /// x
+    pub unary_inflation: f64,
+    /// x
     pub cluster_m: f64,
     pub cluster_reach_m: f64,
 }
@@ -38,8 +43,10 @@ impl Default for RefitSettings {
             overlaps_per_patch: 12,
             overlap_share: 0.3,
             kernel_m: 0.1,
-            overlap_inflation: 10.0,
-            seq_inflation: 10.0,
+            overlap_inflation: 100.0,
+            seq_inflation: 100.0,
+            reloc_prior: 0.1,
+            unary_inflation: 10.0,
             cluster_m: 3.0,
             cluster_reach_m: 6.0,
         }
@@ -90,6 +97,7 @@ fn optimise_with(manifold: &mut Manifold, overlaps: &[Overlap], kernel: Kernel, 
 /// The global pass: measure how all overlapping patches fit, re-estimate, repeat.
 pub(crate) fn refit(
     manifold: &mut Manifold,
+    odometry: &[(u32, Pose2, f64, f64)],
     points: &PatchPoints,
     field: FieldSettings,
     matcher: &FastMatcher,
@@ -98,8 +106,11 @@ pub(crate) fn refit(
     for round in 0..settings.rounds {
         let kernel = (settings.kernel_m * 0.6f64.powi(round as i32)).max(0.03);
         let t = std::time::Instant::now();
-        let overlaps = measure_overlaps(manifold, points, field, matcher, settings, kernel as f32);
+        let mut overlaps = measure_overlaps(manifold, points, field, matcher, settings, kernel as f32);
         let t1 = t.elapsed();
+        for &(k, motion, t, r) in odometry {
+            overlaps.push(Overlap { from: PatchId(k - 1), to: PatchId(k), mean: motion, information: Matrix3::from_diagonal(&nalgebra::Vector3::new(t, t, r)) });
+        }
         optimise_with(manifold, &overlaps, Kernel::Cauchy { scale: 3.0 }, settings.seq_inflation);
         if std::env::var("V").is_ok() { eprintln!("  round {round}: {} overlaps {:?} opt {:?}", overlaps.len(), t1, t.elapsed()-t1); }
     }
@@ -197,6 +208,8 @@ pub(crate) fn relocalise(
     field: FieldSettings,
     matcher: &FastMatcher,
     settings: &RefitSettings,
+    odometry: &[Option<Pose2>],
+    model: &crate::OdometrySettings,
 ) {
     let patches = manifold.patches();
     let mut cluster_of = vec![usize::MAX; patches.len()];
@@ -218,7 +231,7 @@ pub(crate) fn relocalise(
     for (i, scan) in scans.iter().enumerate() {
         members[cluster_of[scan.patch.index()]].push(i);
     }
-    let new: Vec<Vec<(usize, Pose2)>> = members
+    let new: Vec<Vec<(usize, Pose2, Matrix3<f64>)>> = members
         .par_iter()
         .enumerate()
         .map_init(
@@ -252,20 +265,46 @@ pub(crate) fn relocalise(
                         let pose = manifold.patch(scan.patch).island_from_patch * scan.patch_from_base;
                         let prior = Prior {
                             pose: centre.between(&pose),
-                            information: Matrix3::from_diagonal(&nalgebra::Vector3::new(400.0, 400.0, 2500.0)),
+                            information: Matrix3::from_diagonal(&(nalgebra::Vector3::new(400.0, 400.0, 2500.0) * settings.reloc_prior)),
                         };
                         let result = matcher.align(scratch, &scan_points[i], &prior);
                         (result.status.is_usable() && result.inlier_ratio > 0.3
                             && prior.pose.distance(&result.pose) < 0.3)
-                            .then(|| (i, centre * result.pose))
+                            .then(|| (i, centre * result.pose, result.covariance.try_inverse().unwrap_or_else(Matrix3::zeros)))
                     })
                     .collect()
             },
         )
         .collect();
-    for (i, pose) in new.into_iter().flatten() {
-        let scan = &mut scans[i];
-        scan.patch_from_base = manifold.patch(scan.patch).island_from_patch.between(&pose);
+    let mut knowledge: Vec<Knowledge> = scans
+        .iter()
+        .enumerate()
+        .map(|(i, s)| {
+            let motion = match (i > 0).then(|| (odometry[i - 1], odometry[i])) {
+                Some((Some(a), Some(b))) => {
+                    let mean = a.between(&b);
+                    let (d, t) = (mean.norm(), mean.yaw.abs());
+                    let o = model;
+                    let st = o.translation_floor_m + o.translation_per_m * d + o.translation_per_rad_m * t;
+                    let sr = o.rotation_floor_rad + o.rotation_per_m_rad * d + o.rotation_per_rad * t;
+                    Some(GaussianPose2 { mean, covariance: Matrix3::from_diagonal(&nalgebra::Vector3::new(st * st, st * st, sr * sr)) })
+                }
+                _ => None,
+            };
+            Knowledge {
+                measured: manifold.patch(s.patch).island_from_patch * s.patch_from_base,
+                information: Matrix3::from_diagonal(&nalgebra::Vector3::new(100.0, 100.0, 1000.0)),
+                motion,
+            }
+        })
+        .collect();
+    for (i, pose, information) in new.into_iter().flatten() {
+        knowledge[i].measured = pose;
+        knowledge[i].information = information / settings.unary_inflation;
+    }
+    let poses = smooth(&knowledge, 3.0, 3);
+    for (scan, pose) in scans.iter_mut().zip(&poses) {
+        scan.patch_from_base = manifold.patch(scan.patch).island_from_patch.between(pose);
     }
 }
 
