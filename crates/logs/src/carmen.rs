@@ -187,7 +187,7 @@ impl<R: BufRead> CarmenReader<R> {
             laser.detector.observe(&line.readings_m);
         }
         laser.scans += 1;
-        if self.settled && laser.scans % DETECT_EVERY == 0 {
+        if self.settled && laser.scans.is_multiple_of(DETECT_EVERY) {
             laser.no_return_m = laser.detector.threshold();
         }
         self.pending.push_back((number, line));

@@ -1,10 +1,13 @@
 //! One line of a CARMEN log, without any memory of the lines before it.
 
 use crate::DropReason;
-use crate::number::{parse_f32, parse_f64, parse_stamp, parse_u64};
+use crate::number::{is_blank, leading_f32, parse_f32, parse_f64, parse_stamp, parse_u64};
 use geometry::Pose2;
 use sensing::{LaserModel, Stamp, Twist};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::ops::RangeInclusive;
+
+type Range = RangeInclusive<usize>;
 
 /// Coordinates beyond this are garbage, metres.
 const MAX_COORDINATE_M: f64 = 1e7;
@@ -42,7 +45,10 @@ pub(crate) enum Message<'a> {
     Nothing,
     Laser(Box<LaserLine>),
     Odometry(Twist),
-    Param { name: &'a [u8], value: &'a [u8] },
+    Param {
+        name: &'a [u8],
+        value: &'a [u8],
+    },
     /// A message of no interest here.
     Other(&'a str),
 }
@@ -81,21 +87,21 @@ pub(crate) fn parse(line: &[u8], complete: bool) -> Result<Message<'_>, Fault> {
 
 /// `FLASER n r1..rn laser_x laser_y laser_yaw robot_x robot_y robot_yaw stamp host logger_stamp`.
 fn old_laser(name: LaserName, mut fields: Fields, complete: bool) -> Result<Message, Fault> {
-    let announced = fields.count()?;
-    let present = fields.clone().total();
     // Pose, pose, stamp; host and logger stamp are sometimes cut away by converters.
-    let tail = if complete { 7..=9 } else { 9..=9 };
-    let beams = fields.beams(announced, present, tail, complete)?;
-    let readings_m = fields.readings(beams)?;
+    let readings_m = fields.readings(if complete { 7..=9 } else { 9..=9 }, complete)?;
+    let tail = fields.clone().total();
     let odom_from_laser = fields.pose()?;
     let odom_from_base = fields.pose()?;
-    let (stamp, stamp_text) = fields.stamp()?;
-    let model = guessed_model(beams as u32);
+    let (stamp, stamp_text) = fields.stamp(complete).map_err(|fault| match tail {
+        9 => fault,
+        // More likely a reading lost than a host.
+        _ => fields.miscounted(readings_m.len() as u64, readings_m.len() + tail, complete),
+    })?;
     Ok(Message::Laser(Box::new(LaserLine {
         name,
         stamp,
         stamp_text,
-        model,
+        model: guessed_model(readings_m.len() as u32),
         stated_max_m: None,
         readings_m,
         odom_from_laser,
@@ -114,34 +120,20 @@ fn robot_laser(digit: u8, mut fields: Fields, complete: bool) -> Result<Message,
     let resolution = fields.number()?;
     let stated_max = fields.number()? as f32;
     fields.skip(2)?;
-    let announced = fields.count()?;
-    let present = fields.clone().total();
-    let beams = fields.beams(announced, present, 13..=present, complete)?;
-    let readings_m = fields.readings(beams)?;
-    let rest = fields.clone().total();
-    let remissions = fields.clone().next().and_then(parse_u64).unwrap_or(u64::MAX);
-    let with_remissions = |fixed: u64| remissions.checked_add(fixed) == Some(rest as u64);
-    let turn_axis = if with_remissions(14) || with_remissions(15) {
-        fields.skip(1 + remissions as usize)?;
-        with_remissions(15)
-    } else if rest == 13 || rest == 14 {
-        rest == 14
-    } else {
-        let reason = DropReason::BeamCount { announced, fields: present };
-        return Err(Fault { field: None, reason: if complete { reason } else { DropReason::Truncated } });
-    };
+    let readings_m = fields.readings(13..=usize::MAX, complete)?;
+    let turn_axis = fields.skip_remissions(readings_m.len(), complete)?;
     let odom_from_laser = fields.pose()?;
     let odom_from_base = fields.pose()?;
     let (forward_m_per_sec, yaw_rad_per_sec) = (fields.number()?, fields.number()?);
     fields.skip(if turn_axis { 3 } else { 2 })?;
-    let (stamp, stamp_text) = fields.stamp()?;
+    let (stamp, stamp_text) = fields.stamp(complete)?;
     let twist = Twist { forward_m_per_sec, yaw_rad_per_sec };
     let sane = forward_m_per_sec.abs() < 100.0 && yaw_rad_per_sec.abs() < 100.0;
     Ok(Message::Laser(Box::new(LaserLine {
         name: LaserName::Robot(digit),
         stamp,
         stamp_text,
-        model: stated_model(beams as u32, start, fov, resolution),
+        model: stated_model(readings_m.len() as u32, start, fov, resolution),
         stated_max_m: (stated_max.is_finite() && stated_max > 0.0).then_some(stated_max),
         readings_m,
         odom_from_laser,
@@ -192,7 +184,7 @@ fn guessed_model(beams: u32) -> LaserModel {
 fn stated_model(beams: u32, start: f64, fov: f64, resolution: f64) -> LaserModel {
     let steps = f64::from(beams.saturating_sub(1).max(1));
     let fits = |step: f64| step.abs() > 1e-4 && step.abs() * steps < TAU * 1.01;
-    if !(start.abs() <= TAU) {
+    if start.is_nan() || start.abs() > TAU {
         return guessed_model(beams);
     }
     let fov_known = fov > 0.01 && fov < TAU * 1.01;
@@ -223,10 +215,9 @@ impl<'a> Fields<'a> {
 
     /// The next field; never empty.
     fn next(&mut self) -> Option<&'a [u8]> {
-        let is_blank = |b: &u8| matches!(b, b' ' | b'\t' | b'\r');
-        let start = self.rest.iter().position(|b| !is_blank(b))?;
+        let start = self.rest.iter().position(|&b| !is_blank(b))?;
         let rest = &self.rest[start..];
-        let end = rest.iter().position(is_blank).unwrap_or(rest.len());
+        let end = rest.iter().position(|&b| is_blank(b)).unwrap_or(rest.len());
         self.field += 1;
         self.rest = &rest[end..];
         Some(&rest[..end])
@@ -254,44 +245,73 @@ impl<'a> Fields<'a> {
         parse_f64(text).ok_or_else(|| self.fault(DropReason::NotANumber))
     }
 
-    fn count(&mut self) -> Result<u64, Fault> {
+    /// The announced number of readings and the readings, followed by a number of fields within `tail`.
+    fn readings(&mut self, tail: Range, complete: bool) -> Result<Vec<f32>, Fault> {
         let text = self.required()?;
-        parse_u64(text).ok_or_else(|| self.fault(DropReason::NotANumber))
-    }
-
-    /// Checks the announced number of beams against the fields that are there.
-    fn beams(
-        &self,
-        announced: u64,
-        present: usize,
-        tail: std::ops::RangeInclusive<usize>,
-        complete: bool,
-    ) -> Result<usize, Fault> {
+        let announced = parse_u64(text).ok_or_else(|| self.fault(DropReason::NotANumber))?;
         if announced == 0 {
             return Err(self.fault(DropReason::NoBeams));
         }
-        let beams = usize::try_from(announced).ok().filter(|&n| n <= present);
-        match beams {
-            Some(n) if tail.contains(&(present - n)) => Ok(n),
-            _ if !complete => Err(Fault { field: None, reason: DropReason::Truncated }),
-            _ => Err(self.fault(DropReason::BeamCount { announced, fields: present })),
+        let before = self.clone();
+        let mut readings = Vec::with_capacity(announced.min(self.rest.len() as u64) as usize);
+        let result = (0..announced).try_for_each(|_| {
+            readings.push(self.reading()?);
+            Ok(())
+        });
+        if result.is_ok() && tail.contains(&self.clone().total()) {
+            return Ok(readings);
+        }
+        // Which of the readings failed matters only when their number is right.
+        let fields = before.clone().total();
+        let rest = usize::try_from(announced).ok().and_then(|n| fields.checked_sub(n));
+        match result {
+            Err(fault) if rest.is_some_and(|rest| tail.contains(&rest)) => Err(fault),
+            _ => Err(before.miscounted(announced, fields, complete)),
         }
     }
 
-    fn readings(&mut self, beams: usize) -> Result<Vec<f32>, Fault> {
-        let mut readings = Vec::with_capacity(beams);
-        for _ in 0..beams {
-            let text = self.required()?;
-            readings.push(parse_f32(text).ok_or_else(|| self.fault(DropReason::NotANumber))?);
+    fn reading(&mut self) -> Result<f32, Fault> {
+        if let Some((value, rest)) = leading_f32(self.rest) {
+            self.rest = rest;
+            self.field += 1;
+            return Ok(value);
         }
-        Ok(readings)
+        let text = self.required()?;
+        parse_f32(text).ok_or_else(|| self.fault(DropReason::NotANumber))
+    }
+
+    /// Skips the remissions of a `ROBOTLASER` line; true when a turn axis follows the safety distances.
+    ///
+    /// The number of remissions is believed only where it explains the rest of the line.
+    fn skip_remissions(&mut self, beams: usize, complete: bool) -> Result<bool, Fault> {
+        let rest = self.clone().total();
+        let remissions = self.clone().next().and_then(parse_u64).unwrap_or(u64::MAX);
+        for (fixed, turn_axis) in [(15, true), (14, false)] {
+            if remissions.checked_add(fixed) == Some(rest as u64) {
+                return self.skip(1 + remissions as usize).map(|()| turn_axis);
+            }
+        }
+        match rest {
+            14 => Ok(true),
+            13 => Ok(false),
+            _ => Err(self.miscounted(beams as u64, beams + rest, complete)),
+        }
+    }
+
+    /// The fault of a line whose number of fields does not fit the announced number of beams.
+    fn miscounted(&self, announced: u64, fields: usize, complete: bool) -> Fault {
+        if complete {
+            self.fault(DropReason::BeamCount { announced, fields })
+        } else {
+            Fault { field: None, reason: DropReason::Truncated }
+        }
     }
 
     fn pose(&mut self) -> Result<Pose2, Fault> {
         let mut coordinates = [0.0; 3];
         for value in &mut coordinates {
             *value = self.number()?;
-            if !(value.abs() < MAX_COORDINATE_M) {
+            if value.is_nan() || value.abs() > MAX_COORDINATE_M {
                 return Err(self.fault(DropReason::NotFinite));
             }
         }
@@ -299,9 +319,13 @@ impl<'a> Fields<'a> {
         Ok(Pose2::new(x, y, yaw))
     }
 
-    fn stamp(&mut self) -> Result<(Stamp, String), Fault> {
+    /// The stamp. Where the line may have been cut off, a host must follow: a word, no number.
+    fn stamp(&mut self, complete: bool) -> Result<(Stamp, String), Fault> {
         let text = self.required()?;
         let stamp = parse_stamp(text).ok_or_else(|| self.fault(DropReason::NotANumber))?;
+        if !complete && parse_f64(self.required()?).is_some() {
+            return Err(self.fault(DropReason::Truncated));
+        }
         Ok((stamp, String::from_utf8_lossy(text).into_owned()))
     }
 }

@@ -24,12 +24,11 @@ pub enum LogError {
         source: std::io::Error,
     },
     /// A line that a strict reader cannot take.
-    #[error("{}:{line}", file.display())]
+    #[error("{}:{}: {}", file.display(), line.line, line.problem())]
     Line {
         /// The file.
         file: PathBuf,
         /// Number and reason.
-        #[source]
         line: DroppedLine,
     },
 }
@@ -51,13 +50,19 @@ pub struct DroppedLine {
     pub reason: DropReason,
 }
 
+impl DroppedLine {
+    /// Field and reason, without the line's number.
+    pub fn problem(&self) -> String {
+        match self.field {
+            Some(field) => format!("field {field}: {}", self.reason),
+            None => self.reason.to_string(),
+        }
+    }
+}
+
 impl fmt::Display for DroppedLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}", self.line)?;
-        if let Some(field) = self.field {
-            write!(f, ", field {field}")?;
-        }
-        write!(f, ": {}", self.reason)
+        write!(f, "line {}: {}", self.line, self.problem())
     }
 }
 

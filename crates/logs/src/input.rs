@@ -52,9 +52,10 @@ pub fn decompress(mut raw: impl Read + Send + 'static) -> io::Result<LogInput> {
     let buffered = BufReader::with_capacity(CHUNK, whole);
     Ok(match kind {
         Kind::Plain => Box::new(buffered),
-        Kind::Gzip => {
-            Box::new(BufReader::with_capacity(CHUNK, flate2::bufread::MultiGzDecoder::new(buffered)))
-        }
+        Kind::Gzip => Box::new(BufReader::with_capacity(
+            CHUNK,
+            flate2::bufread::MultiGzDecoder::new(buffered),
+        )),
         Kind::Bzip2 => {
             Box::new(BufReader::with_capacity(CHUNK, bzip2::bufread::MultiBzDecoder::new(buffered)))
         }

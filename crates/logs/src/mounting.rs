@@ -15,8 +15,7 @@ const MIN_SHARE: f64 = 0.9;
 /// mapping program has rewritten, the first pose is its *estimate* of the laser's pose; such offsets
 /// drift, and the answer is `None`.
 pub(crate) fn rigid_mounting(odom_poses: &[(Pose2, Pose2)]) -> Option<Pose2> {
-    let offsets: Vec<Pose2> =
-        odom_poses.iter().map(|(laser, base)| base.between(laser)).collect();
+    let offsets: Vec<Pose2> = odom_poses.iter().map(|(laser, base)| base.between(laser)).collect();
     let first = offsets.first()?;
     let x = median(offsets.iter().map(|o| o.x));
     let y = median(offsets.iter().map(|o| o.y));
@@ -61,8 +60,9 @@ mod tests {
 
     #[test]
     fn a_laser_that_looks_backwards_survives_the_wrap() {
-        let poses: Vec<_> =
-            path(50).map(|base| (base * Pose2::new(-0.2, 0.0, std::f64::consts::PI), base)).collect();
+        let poses: Vec<_> = path(50)
+            .map(|base| (base * Pose2::new(-0.2, 0.0, std::f64::consts::PI), base))
+            .collect();
         let found = rigid_mounting(&poses).unwrap();
         assert!((found.yaw.abs() - std::f64::consts::PI).abs() < 1e-4);
         assert!((found.x + 0.2).abs() < 1e-9);

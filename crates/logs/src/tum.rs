@@ -85,7 +85,7 @@ fn parse_line(line: &[u8]) -> Result<Option<TumPose>, (Option<usize>, DropReason
     let mut values = [0.0; 7];
     for (i, text) in fields[1..].iter().enumerate().take(7) {
         values[i] = parse_f64(text).ok_or((Some(i + 2), DropReason::NotANumber))?;
-        if !(values[i].abs() < 1e9) {
+        if values[i].is_nan() || values[i].abs() > 1e9 {
             return Err((Some(i + 2), DropReason::NotFinite));
         }
     }
@@ -103,7 +103,6 @@ fn parse_line(line: &[u8]) -> Result<Option<TumPose>, (Option<usize>, DropReason
 /// Yaw of a quaternion of any length but zero.
 fn quaternion_yaw(x: f64, y: f64, z: f64, w: f64) -> Option<f64> {
     let squared = x * x + y * y + z * z + w * w;
-    (squared > 1e-12).then(|| {
-        (2.0 * (w * z + x * y) / squared).atan2(1.0 - 2.0 * (y * y + z * z) / squared)
-    })
+    (squared > 1e-12)
+        .then(|| (2.0 * (w * z + x * y) / squared).atan2(1.0 - 2.0 * (y * y + z * z) / squared))
 }
