@@ -188,3 +188,56 @@ pub(crate) fn clip_segment(
     }
     (enter <= leave).then(|| (a + d * enter, a + d * leave))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn point() -> impl Strategy<Value = Vector2<f64>> {
+        (-300.0..300.0_f64, -300.0..300.0_f64).prop_map(|(x, y)| Vector2::new(x, y))
+    }
+
+    proptest! {
+        /// Of finely spaced points along a segment, exactly those in the box are on the clipped piece.
+        #[test]
+        fn clipping_keeps_what_is_inside(a in point(), b in point(), low in point(), size in point()) {
+            let high = low + size.abs();
+            let clipped = clip_segment(a, b, low, high);
+            for k in 0..=200 {
+                let p = a + (b - a) * (f64::from(k) / 200.0);
+                let margin = (p - low).min().min((high - p).min());
+                let kept = clipped.is_some_and(|(u, v)| distance_to_segment(p, u, v) < 1e-9);
+                // Points within rounding of the box's border may fall on either side.
+                prop_assert!(margin.abs() < 1e-9 || kept == (margin > 0.0), "{p:?} {clipped:?}");
+            }
+        }
+
+        /// Lines paint what is within half their width, and nothing a pixel beyond; clipped or not.
+        #[test]
+        fn lines_are_as_wide_as_they_say(a in point(), b in point(), width in 1.0..9.0_f64) {
+            let mut canvas = Canvas::new(80, 60);
+            canvas.line(a, b, Pen { ink: Ink::Accepted, width });
+            for y in 0..60 {
+                for x in 0..80 {
+                    let center = Vector2::new(x as f64 + 0.5, y as f64 + 0.5);
+                    let distance = distance_to_segment(center, a, b);
+                    let painted = canvas.pixels[y * 80 + x] != palette::base(Cell::Free);
+                    prop_assert!(painted || distance > 0.5 * width);
+                    prop_assert!(!painted || distance < 0.5 * width + 0.5);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lines_that_are_not_finite_are_not_drawn() {
+        let mut canvas = Canvas::new(8, 8);
+        let pen = Pen { ink: Ink::Text, width: 2.0 };
+        for bad in [f64::NAN, f64::INFINITY, 1e308, -1e308] {
+            canvas.line(Vector2::new(bad, 0.0), Vector2::new(-bad, 4.0), pen);
+            canvas.dashed(Vector2::new(bad, 0.0), Vector2::new(4.0, bad), 2.0, pen);
+        }
+        assert!(canvas.pixels.iter().all(|p| *p == palette::base(Cell::Free)));
+    }
+}

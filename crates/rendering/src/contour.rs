@@ -131,3 +131,27 @@ pub(crate) fn distance_to_segment(p: Vector2<f64>, a: Vector2<f64>, b: Vector2<f
     let t = if length2 > 0.0 { ((p - a).dot(&d) / length2).clamp(0.0, 1.0) } else { 0.0 };
     (p - a - d * t).norm()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn simplified_lines_stay_within_tolerance(
+            points in prop::collection::vec((-5.0..5.0_f64, -5.0..5.0_f64), 2..60),
+            tolerance in 0.0..3.0_f64,
+        ) {
+            let points: Vec<_> = points.into_iter().map(|(x, y)| Vector2::new(x, y)).collect();
+            let simple = simplify(&points, tolerance);
+            prop_assert_eq!(simple.first(), points.first());
+            prop_assert_eq!(simple.last(), points.last());
+            for p in &points {
+                let to_piece = |w: &[Vector2<f64>]| distance_to_segment(*p, w[0], w[1]);
+                let distance = simple.windows(2).map(to_piece).fold(f64::INFINITY, f64::min);
+                prop_assert!(distance <= tolerance + 1e-12);
+            }
+        }
+    }
+}

@@ -104,14 +104,19 @@ impl HitMissCounts {
                 sweeps.iter().for_each(|sweep| band.add(sweep));
             });
         }
-        misses.par_chunks_mut(frame.width.max(1)).for_each(|row| {
-            row.iter_mut().fold(0_u16, |sum, border| {
-                *border = sum.wrapping_add(*border);
-                *border
-            });
+        misses.par_chunks_mut(band_len).for_each(|band| {
+            band.chunks_mut(frame.width).for_each(sum_along_row);
         });
         HitMissCounts { frame, hits, misses }
     }
+}
+
+/// Turns borders into counts.
+fn sum_along_row(row: &mut [u16]) {
+    row.iter_mut().fold(0_u16, |sum, border| {
+        *border = sum.wrapping_add(*border);
+        *border
+    });
 }
 
 fn add_saturating(sum: &mut [u16], part: &[u16]) {
@@ -203,6 +208,82 @@ impl Band<'_> {
         if x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.rows as f64 {
             let hit = &mut self.hits[y as usize * self.width + x as usize];
             *hit = hit.saturating_add(1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SIDE: usize = 2 * BAND_ROWS + 9;
+
+    fn grid_of(sweep: &Sweep) -> (Vec<u16>, Vec<u16>) {
+        let (mut hits, mut misses) = (vec![0; SIDE * SIDE], vec![0; SIDE * SIDE]);
+        let band_len = BAND_ROWS * SIDE;
+        let bands = hits.chunks_mut(band_len).zip(misses.chunks_mut(band_len)).enumerate();
+        for (i, (hits, borders)) in bands {
+            let rows = hits.len() / SIDE;
+            Band { first: i * BAND_ROWS, rows, width: SIDE, hits, borders }.add(sweep);
+        }
+        misses.chunks_mut(SIDE).for_each(sum_along_row);
+        (hits, misses)
+    }
+
+    /// Does a ray to the right from `p` cross the polygon an odd number of times?
+    fn inside(polygon: &[Vector2<f64>], p: Vector2<f64>) -> bool {
+        let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));
+        let crossed = edges.filter(|(a, b)| {
+            (a.y > p.y) != (b.y > p.y) && (b.x - a.x) * (p.y - a.y) / (b.y - a.y) + a.x > p.x
+        });
+        crossed.count() % 2 == 1
+    }
+
+    proptest! {
+        #[test]
+        fn polygons_cover_the_cells_whose_centres_they_hold(
+            x in -30.0..170.0_f64,
+            y in -30.0..170.0_f64,
+            radii in prop::collection::vec(0.5..90.0_f64, 3..40),
+        ) {
+            let step = std::f64::consts::TAU / radii.len() as f64;
+            let corner = |(k, r): (usize, &f64)| {
+                let (s, c) = (step * k as f64 + 0.1).sin_cos();
+                Vector2::new(x + r * c, y + r * s)
+            };
+            let free: Vec<_> = radii.iter().enumerate().map(corner).collect();
+            let rows = (f64::NEG_INFINITY, f64::INFINITY);
+            let sweep = Sweep { free, surface: vec![], chain_ends: vec![], rows };
+            let (_, misses) = grid_of(&sweep);
+            for (i, miss) in misses.iter().enumerate() {
+                let center = Vector2::new((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5);
+                prop_assert_eq!(*miss == 1, inside(&sweep.free, center), "cell {}", i);
+                prop_assert!(*miss <= 1);
+            }
+        }
+
+        #[test]
+        fn chords_hit_one_cell_per_step_and_nothing_off_the_line(
+            ax in -20.0..160.0_f64, ay in -20.0..160.0_f64,
+            bx in -20.0..160.0_f64, by in -20.0..160.0_f64,
+        ) {
+            let (a, b) = (Vector2::new(ax, ay), Vector2::new(bx, by));
+            let rows = (ay.min(by), ay.max(by));
+            let sweep = Sweep { free: vec![a], surface: vec![a, b], chain_ends: vec![2], rows };
+            let (hits, _) = grid_of(&sweep);
+            let normal = Vector2::new(a.y - b.y, b.x - a.x).normalize();
+            for (i, _) in hits.iter().enumerate().filter(|(_, h)| **h > 0) {
+                let center = Vector2::new((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5);
+                prop_assert!(normal.dot(&(center - a)).abs() <= 0.5 * 2.0_f64.sqrt() + 1e-9);
+            }
+            let within = |p: Vector2<f64>| p.iter().all(|v| (0.0..SIDE as f64).contains(v));
+            if within(a) && within(b) {
+                let steps = (a.map(f64::floor) - b.map(f64::floor)).abs();
+                let d = (b - a).abs();
+                let expected = if d.x >= d.y { steps.x } else { steps.y } as u32 + 1;
+                prop_assert_eq!(hits.iter().map(|h| u32::from(*h)).sum::<u32>(), expected);
+            }
         }
     }
 }

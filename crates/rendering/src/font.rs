@@ -110,7 +110,7 @@ fn small(c: char) -> (u8, &'static str) {
 #[rustfmt::skip]
 fn digit(c: char) -> (u8, &'static str) {
     match c {
-        '0' => (4, "183847433212030718"),
+        '0' => (3, "182837332212030718"),
         '1' => (2, "071812 0222"),
         '2' => (4, "07183847460242"),
         '3' => (4, "0718384746354443321203 1535"),
@@ -158,5 +158,29 @@ fn symbol(c: char) -> (u8, &'static str) {
         '\u{b7}' => (0, "05"),
         '\u{2013}' | '\u{2014}' => (4, "0545"),
         _ => (4, "0208484202"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every printable ASCII character is drawn inside its cell, and no two look alike.
+    #[test]
+    fn glyphs_fit_and_differ() {
+        let mut seen = std::collections::BTreeSet::new();
+        let boxed = glyph('\u{fffd}').1;
+        for c in '!'..='~' {
+            let (advance, drawing) = glyph(c);
+            for (stroke, _) in strokes(&c.to_string()) {
+                assert!(!stroke.is_empty());
+                for (x, y) in stroke {
+                    assert!((0.0..=f64::from(advance)).contains(&x), "{c}");
+                    assert!((-2.0..=CAP_HEIGHT).contains(&y), "{c}");
+                }
+            }
+            assert!(drawing == boxed || seen.insert(drawing), "{c} looks like another");
+        }
+        assert!(seen.len() > 85);
     }
 }

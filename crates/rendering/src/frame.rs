@@ -59,21 +59,25 @@ impl GridFrame {
         margin_m: f64,
         resolution_m: f64,
     ) -> Result<Self, RenderError> {
-        const COARSE_M: f64 = 0.5;
-        let mut squares = BTreeMap::<(i64, i64), u32>::new();
-        let mut total = 0_usize;
-        let square =
-            |p: Vector2<f64>| ((p.x / COARSE_M).floor() as i64, (p.y / COARSE_M).floor() as i64);
+        let mut squares = BTreeMap::<(i64, i64), usize>::new();
+        let mut total = 0;
         for (i, view) in views.iter().enumerate() {
             view.check(i)?;
+            // Neighbouring hits mostly lie in one square: count runs.
+            let mut run = ((0, 0), 0);
             for point in view.hits() {
-                *squares.entry(square(point)).or_default() += 1;
+                if square(point) != run.0 {
+                    *squares.entry(run.0).or_default() += run.1;
+                    run = (square(point), 0);
+                }
+                run.1 += 1;
                 total += 1;
             }
+            *squares.entry(run.0).or_default() += run.1;
         }
         let needed = (total / 20_000 + 1).max(if total > 2_000 { 2 } else { 1 });
         let lasers = views.iter().map(|v| square(v.map_from_laser.translation()));
-        let seen = squares.iter().filter(|(_, n)| **n as usize >= needed).map(|(k, _)| *k);
+        let seen = squares.iter().filter(|(_, n)| **n >= needed).map(|(k, _)| *k);
         let (mut min, mut max) =
             (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
         for (i, j) in seen.chain(lasers) {
@@ -111,6 +115,13 @@ impl GridFrame {
     pub fn upper_right(&self) -> Vector2<f64> {
         self.origin + Vector2::new(self.width as f64, self.height as f64) * self.resolution_m
     }
+}
+
+/// Side of the squares that decide how far a map reaches, metres.
+const COARSE_M: f64 = 0.5;
+
+fn square(point: Vector2<f64>) -> (i64, i64) {
+    ((point.x / COARSE_M).floor() as i64, (point.y / COARSE_M).floor() as i64)
 }
 
 impl ScanView<'_> {

@@ -16,18 +16,21 @@ pub enum Cell {
     Occupied,
 }
 
-/// When a cell counts as wall.
+/// When a cell counts as wall, and when as free.
 ///
-/// Three tests, each against one fault of plain hit-and-miss maps:
+/// Four tests, each against one fault of plain hit-and-miss maps:
 /// 1. *Share.* Hits must be at least `wall_share` of all that was seen of the cell. Well below one
-///    half, since a wall cell is also looked through: by rays that pass it at grazing incidence and by scans
-///    whose pose is a centimetre off. Without it people who walked by stay in the map.
-/// 2. *Ridge.* Hits must be at least `ridge_share` of the most hit cell within `ridge_radius_m`. Range
-///    and pose noise spread a wall over several cells, and behind it no ray ever passes that could
-///    clear them: the share test alone draws walls too thick, and thicker the longer they were
-///    looked at. The ridge of the hits is where the wall most likely is.
-/// 3. *Company.* A cell with no occupied neighbour needs two scans that saw it: one stray beam draws no
-///    speck.
+///    half, since a wall cell is also looked through: by rays that pass it at grazing incidence and
+///    by scans whose pose is a centimetre off. Without it people who walked by stay in the map.
+/// 2. *Ridge.* Hits must be at least `ridge_share` of the most hit cell within `ridge_radius_m`.
+///    Range and pose noise spread a wall over several cells, and behind it no ray ever passes that
+///    could clear them: the share test alone draws walls too thick, and thicker the longer they
+///    were looked at. The ridge of the hits is where the wall most likely is. For the same reason a
+///    cell beside a ridge is free only if a tenth as many scans looked through it as hit the ridge.
+/// 3. *Closing.* A cell between two wall cells needs only `closing_share` instead of `ridge_share`:
+///    chance leaves single holes in oblique walls.
+/// 4. *Company.* A cell with no occupied neighbour needs two scans that saw it: one stray beam
+///    draws no speck.
 ///
 /// Hits are first summed over `smoothing_m` around a cell, so that at fine resolutions, where few
 /// scans hit the very same cell, a wall stays closed.
@@ -38,6 +41,8 @@ pub struct OccupancyRule {
     pub wall_share: f64,
     /// Smallest share of the most hit cell near by, 0 to 1.
     pub ridge_share: f64,
+    /// The same for cells between two wall cells.
+    pub closing_share: f64,
     /// How far the most hit cell is looked for, metres: two to three times the noise of a hit.
     pub ridge_radius_m: f64,
     /// Radius over which hits are summed, metres.
@@ -48,7 +53,8 @@ impl Default for OccupancyRule {
     fn default() -> Self {
         OccupancyRule {
             wall_share: 0.25,
-            ridge_share: 0.5,
+            ridge_share: 0.45,
+            closing_share: 0.15,
             ridge_radius_m: 0.05,
             smoothing_m: 0.01,
         }
@@ -63,15 +69,20 @@ pub struct OccupancyGrid {
 }
 
 impl OccupancyGrid {
-    /// Decides every cell.
+    /// Decides every cell, in parallel on the current rayon pool.
     pub fn decide(counts: &HitMissCounts, rule: &OccupancyRule) -> Self {
         let frame = *counts.frame();
         let mut cells = vec![Cell::Unknown; frame.len()];
         let band_len = (BAND_ROWS * frame.width).max(1);
-        cells.par_chunks_mut(band_len).enumerate().for_each(|(i, band)| {
-            Decision::new(counts, rule, i * BAND_ROWS).decide(band);
-        });
+        let weak: Vec<Vec<usize>> = cells
+            .par_chunks_mut(band_len)
+            .enumerate()
+            .map(|(i, band)| Decision::new(counts, rule, i * BAND_ROWS).decide(band))
+            .collect();
         let mut grid = OccupancyGrid { frame, cells };
+        let closed: Vec<usize> =
+            weak.into_iter().flatten().filter(|&index| grid.closes_wall(index)).collect();
+        closed.into_iter().for_each(|index| grid.cells[index] = Cell::Occupied);
         for (index, cell) in grid.lonely(counts) {
             grid.cells[index] = cell;
         }
@@ -136,6 +147,18 @@ impl OccupancyGrid {
         OccupancyGrid { frame, cells }
     }
 
+    /// Do two occupied cells face each other across this one?
+    fn closes_wall(&self, index: usize) -> bool {
+        let (width, height) = (self.frame.width, self.frame.height);
+        let (column, row) = (index % width, index / width);
+        if column == 0 || row == 0 || column + 1 >= width || row + 1 >= height {
+            return false;
+        }
+        let occupied = |at: usize| self.cells[at] == Cell::Occupied;
+        let steps = [1, width, width + 1, width - 1];
+        steps.iter().any(|step| occupied(index - step) && occupied(index + step))
+    }
+
     /// Occupied cells without occupied neighbours that one scan alone saw, and what they are instead.
     fn lonely(&self, counts: &HitMissCounts) -> Vec<(usize, Cell)> {
         let (width, height) = (self.frame.width, self.frame.height);
@@ -167,6 +190,9 @@ struct Decision<'a> {
 }
 
 impl<'a> Decision<'a> {
+    /// Beside a ridge, this share of its hits must have looked through a free cell.
+    const FREE_SHARE: f64 = 0.1;
+
     fn new(counts: &'a HitMissCounts, rule: &'a OccupancyRule, first: usize) -> Self {
         let resolution = counts.frame().resolution_m;
         // More than 50 cells of either would be slow and mean a wrong unit.
@@ -175,47 +201,49 @@ impl<'a> Decision<'a> {
         Decision { counts, rule, first, ridge, blur }
     }
 
-    fn decide(&self, band: &mut [Cell]) {
+    /// Fills a band, and returns the cells that are wall if they lie between wall cells.
+    fn decide(&self, band: &mut [Cell]) -> Vec<usize> {
         let GridFrame { width, height, .. } = *self.counts.frame();
-        let rows = band.len() / width;
         let low = self.first.saturating_sub(self.ridge);
-        let high = (self.first + rows + self.ridge).min(height);
+        let high = (self.first + band.len() / width + self.ridge).min(height);
         let hits = self.smoothed(low, high);
-        let misses = self.counts.miss_rows();
-        for (i, cell) in band.iter_mut().enumerate() {
-            let (column, row) = (i % width, self.first + i / width);
-            let seen_through = misses[row * width + column];
-            let here = hits[(row - low) * width + column];
-            if here > 0 && self.is_wall(&hits, low, column, row, here, seen_through) {
-                *cell = Cell::Occupied;
-            } else if seen_through > 0 {
-                *cell = Cell::Free;
+        let mut peaks = vec![0_u32; width];
+        let mut weak = Vec::new();
+        for (i, cells) in band.chunks_mut(width).enumerate() {
+            let row = self.first + i;
+            let near = row.saturating_sub(self.ridge).max(low)..(row + self.ridge + 1).min(high);
+            let rows = hits[(near.start - low) * width..(near.end - low) * width].chunks(width);
+            maximum_around(rows, self.ridge, &mut peaks);
+            let here = &hits[(row - low) * width..(row - low + 1) * width];
+            let misses = &self.counts.miss_rows()[row * width..(row + 1) * width];
+            for (c, cell) in cells.iter_mut().enumerate() {
+                let (cell_is, closes) = self.judge(here[c], peaks[c], misses[c]);
+                *cell = cell_is;
+                if closes {
+                    weak.push(row * width + c);
+                }
             }
         }
+        weak
     }
 
-    fn is_wall(
-        &self,
-        hits: &[u32],
-        low: usize,
-        column: usize,
-        row: usize,
-        here: u32,
-        seen_through: u16,
-    ) -> bool {
-        let side = (2 * self.blur + 1) as f64;
-        let mean_hits = f64::from(here) / side;
-        if mean_hits < self.rule.wall_share * (mean_hits + f64::from(seen_through)) {
-            return false;
+    /// What a cell is, and whether it would be wall between wall cells. `hits` and `peak` are sums
+    /// over the smoothing square.
+    fn judge(&self, hits: u32, peak: u32, seen_through: u16) -> (Cell, bool) {
+        if peak == 0 {
+            return (if seen_through > 0 { Cell::Free } else { Cell::Unknown }, false);
         }
-        let width = self.counts.frame().width;
-        let columns = column.saturating_sub(self.ridge)..(column + self.ridge + 1).min(width);
-        let rows = row.saturating_sub(self.ridge).max(low)
-            ..(row + self.ridge + 1).min(low + hits.len() / width);
-        let peak = rows
-            .flat_map(|r| &hits[(r - low) * width..][columns.clone()])
-            .fold(here, |max, h| max.max(*h));
-        f64::from(here) >= self.rule.ridge_share * f64::from(peak)
+        // A wall as thick as one cell fills one row of the square.
+        let side = (2 * self.blur + 1) as f64;
+        let (hits, peak) = (f64::from(hits) / side, f64::from(peak) / side);
+        let misses = f64::from(seen_through);
+        let share = hits > 0.0 && hits >= self.rule.wall_share * (hits + misses);
+        if share && hits >= self.rule.ridge_share * peak {
+            return (Cell::Occupied, false);
+        }
+        let free = misses > 0.0 && misses >= Self::FREE_SHARE * peak;
+        let cell = if free { Cell::Free } else { Cell::Unknown };
+        (cell, share && hits >= self.rule.closing_share * peak)
     }
 
     /// Hits of rows `low..high`, summed over the square of radius `blur` around each cell.
@@ -242,5 +270,20 @@ impl<'a> Decision<'a> {
             }
         }
         sums
+    }
+}
+
+/// The largest value of all rows within `radius` columns of each column.
+fn maximum_around<'a>(rows: impl Iterator<Item = &'a [u32]>, radius: usize, peaks: &mut [u32]) {
+    let width = peaks.len();
+    let mut tallest = vec![0_u32; width];
+    for row in rows {
+        tallest.iter_mut().zip(row).for_each(|(t, v)| *t = (*t).max(*v));
+    }
+    peaks.copy_from_slice(&tallest);
+    for shift in 1..=radius.min(width.saturating_sub(1)) {
+        let (left, right) = (&tallest[..width - shift], &tallest[shift..]);
+        peaks[shift..].iter_mut().zip(left).for_each(|(p, v)| *p = (*p).max(*v));
+        peaks[..width - shift].iter_mut().zip(right).for_each(|(p, v)| *p = (*p).max(*v));
     }
 }

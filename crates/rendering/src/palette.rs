@@ -102,3 +102,31 @@ pub(crate) fn palette() -> Vec<u8> {
     };
     (0..255_u8).flat_map(mix).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn full_ink_hides_every_background_and_keeps_it() {
+        let colors = palette();
+        for cell in [Cell::Unknown, Cell::Free, Cell::Occupied] {
+            for robot in 0..Ink::ROBOTS {
+                let ink = Ink::Robot(robot);
+                let pixel = over(base(cell), ink, LEVELS);
+                assert_eq!(colors[usize::from(pixel) * 3..][..3], ink.rgb());
+                assert_eq!(split(pixel).0, base(cell));
+            }
+        }
+    }
+
+    #[test]
+    fn ink_grows_and_never_fades() {
+        let mut pixel = base(Cell::Occupied);
+        for level in [2, 5, 3, 7, 1] {
+            let before = split(pixel).1.map_or(0, |(_, strength)| strength);
+            pixel = over(pixel, Ink::Accepted, level);
+            assert_eq!(split(pixel).1, Some((Ink::Accepted.index(), before.max(level))));
+        }
+    }
+}

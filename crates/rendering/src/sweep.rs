@@ -23,10 +23,12 @@ const MAX_HALF_WEDGE_RAD: f64 = 0.0175;
 /// Neighbouring hits this much farther apart than a surface seen head-on would put them still belong
 /// together, metres: twice the range noise of common scanners.
 const SURFACE_SLACK_M: f64 = 0.03;
-/// Longest piece of wall interpolated between two hits, metres.
-const MAX_CHORD_M: f64 = 1.0;
+/// Longest piece of wall interpolated between two hits, metres; doors are wider.
+const MAX_CHORD_M: f64 = 0.7;
 /// Most oblique wall interpolated: the chord over the arc between the beams (84 degrees incidence).
 const MAX_OBLIQUENESS: f64 = 10.0;
+/// Longest run of beams without return that counts as dropouts.
+const MAX_DROPOUT_BEAMS: usize = 5;
 
 struct Beam {
     ray: Vector2<f64>,
@@ -80,11 +82,11 @@ impl Sweep {
             let sine = neighbour.map_or(1.0, |along| along.normalize().perp(&beam.ray).abs());
             let pull = if beam.end.is_some() { margin / sine.max(0.2) } else { 0.0 };
             let reach = (beam.clear - pull).max(0.0) * beam.ray;
-            if !before && i > 0 {
+            if !before {
                 self.free.push(place(right(reach)));
             }
             self.free.push(place(reach));
-            if !after && i + 1 < beams.len() {
+            if !after {
                 self.free.push(place(left(reach)));
                 if narrow {
                     self.free.push(self.free[0]);
@@ -124,10 +126,28 @@ fn beams_counter_clockwise(view: &ScanView, settings: &CastSettings) -> Vec<Beam
         };
         Beam { ray, end, clear }
     };
-    if laser.angle_increment_rad < 0.0 {
+    let mut beams: Vec<Beam> = if laser.angle_increment_rad < 0.0 {
         (0..view.scan.len()).rev().map(beam).collect()
     } else {
         (0..view.scan.len()).map(beam).collect()
+    };
+    restrain_dropouts(&mut beams);
+    beams
+}
+
+/// A few beams without return between hits are more likely a dark or glossy spot than a gap: they
+/// clear no farther than the nearer of the hits beside them.
+fn restrain_dropouts(beams: &mut [Beam]) {
+    let mut last_hit: Option<usize> = None;
+    for i in 0..beams.len() {
+        if beams[i].end.is_none() {
+            continue;
+        }
+        if let Some(last) = last_hit.filter(|last| i - last <= MAX_DROPOUT_BEAMS + 1) {
+            let limit = beams[i].clear.min(beams[last].clear);
+            beams[last + 1..i].iter_mut().for_each(|b| b.clear = b.clear.min(limit));
+        }
+        last_hit = Some(i);
     }
 }
 
