@@ -82,11 +82,6 @@ fn draw(
         png.len() as f64 / 1e6,
         peak_mib(),
     );
-    if let Some(path) = std::env::var_os("PNG") {
-        if let Err(e) = std::fs::write(&path, png) {
-            eprintln!("cannot write {}: {e}", path.display());
-        }
-    }
     Ok(())
 }
 

@@ -32,8 +32,11 @@ pub struct HitMissCounts {
     misses: Vec<u16>,
 }
 
-/// Rows that one task works on.
-pub(crate) const BAND_ROWS: usize = 64;
+/// Rows that one task works on: about a megabyte of counts, so that they stay in a core's cache.
+pub(crate) fn band_rows(frame: &GridFrame) -> usize {
+    ((1 << 18) / frame.width.max(1)).max(64)
+}
+
 /// Scans whose outlines are held in memory at a time.
 const BATCH: usize = 256;
 
@@ -92,7 +95,8 @@ impl HitMissCounts {
     /// result does not.
     fn cast_chunk(frame: GridFrame, views: &[ScanView], settings: &CastSettings) -> Self {
         let (mut hits, mut misses) = (vec![0_u16; frame.len()], vec![0_u16; frame.len()]);
-        let band_len = (BAND_ROWS * frame.width).max(1);
+        let band_rows = band_rows(&frame);
+        let band_len = (band_rows * frame.width).max(1);
         for batch in views.chunks(BATCH) {
             let sweeps: Vec<Sweep> =
                 batch.par_iter().map(|view| Sweep::new(view, &frame, settings)).collect();
@@ -100,7 +104,7 @@ impl HitMissCounts {
             bands.enumerate().for_each(|(i, (hits, misses))| {
                 let rows = hits.len() / frame.width;
                 let mut band =
-                    Band { first: i * BAND_ROWS, rows, width: frame.width, hits, borders: misses };
+                    Band { first: i * band_rows, rows, width: frame.width, hits, borders: misses };
                 sweeps.iter().for_each(|sweep| band.add(sweep));
             });
         }
@@ -164,10 +168,10 @@ impl Band<'_> {
     /// descending edges.
     fn add_border(&mut self, a: Vector2<f64>, b: Vector2<f64>) {
         let (low, high, step) = if a.y > b.y { (b, a, 1) } else { (a, b, u16::MAX) };
-        let rows = self.rows_between(low.y, high.y);
-        if rows.is_empty() {
+        if high.y < self.first as f64 || low.y > (self.first + self.rows) as f64 {
             return;
         }
+        let rows = self.rows_between(low.y, high.y);
         let slope = (high.x - low.x) / (high.y - low.y);
         for row in rows {
             let x = low.x + ((self.first + row) as f64 + 0.5 - low.y) * slope;
@@ -217,15 +221,15 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const SIDE: usize = 2 * BAND_ROWS + 9;
+    const SIDE: usize = 2 * 64 + 9;
 
     fn grid_of(sweep: &Sweep) -> (Vec<u16>, Vec<u16>) {
         let (mut hits, mut misses) = (vec![0; SIDE * SIDE], vec![0; SIDE * SIDE]);
-        let band_len = BAND_ROWS * SIDE;
+        let band_len = 64 * SIDE;
         let bands = hits.chunks_mut(band_len).zip(misses.chunks_mut(band_len)).enumerate();
         for (i, (hits, borders)) in bands {
             let rows = hits.len() / SIDE;
-            Band { first: i * BAND_ROWS, rows, width: SIDE, hits, borders }.add(sweep);
+            Band { first: i * 64, rows, width: SIDE, hits, borders }.add(sweep);
         }
         misses.chunks_mut(SIDE).for_each(sum_along_row);
         (hits, misses)

@@ -1,4 +1,4 @@
-use crate::counts::BAND_ROWS;
+use crate::counts::band_rows;
 use crate::{GridFrame, HitMissCounts};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -73,11 +73,12 @@ impl OccupancyGrid {
     pub fn decide(counts: &HitMissCounts, rule: &OccupancyRule) -> Self {
         let frame = *counts.frame();
         let mut cells = vec![Cell::Unknown; frame.len()];
-        let band_len = (BAND_ROWS * frame.width).max(1);
+        let band_rows = band_rows(&frame);
+        let band_len = (band_rows * frame.width).max(1);
         let weak: Vec<Vec<usize>> = cells
             .par_chunks_mut(band_len)
             .enumerate()
-            .map(|(i, band)| Decision::new(counts, rule, i * BAND_ROWS).decide(band))
+            .map(|(i, band)| Decision::new(counts, rule, i * band_rows).decide(band))
             .collect();
         let mut grid = OccupancyGrid { frame, cells };
         let closed: Vec<usize> =
