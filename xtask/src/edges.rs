@@ -2,8 +2,8 @@ use crate::runner::Run;
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
-/// The crates, lowest first, and the crates of ours that each may use. One way down; a new edge needs
-/// an ADR. Dev-dependencies may use any crate of the list but the program.
+/// The crates, lowest first, and the crates of ours that each may use. One way down; a new edge
+/// needs an ADR. Dev-dependencies may use any crate of the list but the program.
 const ALLOWED: &[(&str, &[&str])] = &[
     ("geometry", &[]),
     ("sensing", &["geometry"]),

@@ -109,8 +109,8 @@ struct Case {
     result: Option<PathBuf>,
 }
 
-/// Every case of bad input ends with a message that names the file, the right exit code, no panic, and
-/// no result that looks whole.
+/// Every case of bad input ends with a message that names the file, the right exit code, no panic,
+/// and no result that looks whole.
 pub fn bad_input(run: &mut Run) -> Result<()> {
     let program = run.workspace.program();
     ensure!(program.is_file(), "{} is not built; run the step `build`", program.display());

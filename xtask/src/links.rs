@@ -6,7 +6,8 @@ use std::path::Path;
 const DOCUMENTS: [&str; 5] =
     ["README.md", "ARCHITECTURE.md", "TERMINOLOGY.md", "CONTRIBUTING.md", "CHANGELOG.md"];
 
-/// Relative links in Markdown lead somewhere; the documents exist; the change log knows this version.
+/// Relative links in Markdown lead somewhere; the documents exist; the change log knows this
+/// version.
 pub fn check(run: &mut Run) -> Result<()> {
     let workspace = &run.workspace;
     let mut wrong: Vec<String> = DOCUMENTS

@@ -40,9 +40,7 @@ fn wrap(text: &str) -> String {
         let (prefix, words) = comment(line).unwrap_or(("", ""));
         verbatim ^= words.starts_with("```");
         // A list item or a heading begins a line of its own.
-        let opens = words.is_empty()
-            || words.starts_with(['-', '*', '#', '|', '`'])
-            || words.starts_with(|c: char| c.is_ascii_digit());
+        let opens = words.is_empty() || list_mark(words) > 0 || words.starts_with(['#', '|', '`']);
         let mut current = line.to_owned();
         if let Some((old_prefix, rest)) = carried.take() {
             if prefix == old_prefix && !opens && !verbatim {
@@ -55,7 +53,8 @@ fn wrap(text: &str) -> String {
         match if plain { None } else { split(&current, prefix) } {
             Some((head, rest)) => {
                 push(&mut out, &head);
-                carried = Some((prefix.to_owned(), rest));
+                let hanging = " ".repeat(list_mark(&current[prefix.len()..]));
+                carried = Some((format!("{prefix}{hanging}"), rest));
             }
             None => push(&mut out, &current),
         }
@@ -71,11 +70,24 @@ fn push(out: &mut String, line: &str) {
     out.push('\n');
 }
 
-/// Indentation with comment mark, and the text of a line that is nothing but comment.
+/// Indentation with comment mark and blanks, and the text of a line that is nothing but comment.
 fn comment(line: &str) -> Option<(&str, &str)> {
     let start = line.len() - line.trim_start().len();
     let mark = ["/// ", "//! ", "// "].into_iter().find(|mark| line[start..].starts_with(mark))?;
-    Some(line.split_at(start + mark.len()))
+    let text = line[start + mark.len()..].trim_start();
+    Some(line.split_at(line.len() - text.len()))
+}
+
+/// Length of the mark that begins a list item, such as `- ` or `2. `; 0 elsewhere.
+fn list_mark(words: &str) -> usize {
+    let digits = words.len() - words.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    if words.starts_with("- ") || words.starts_with("* ") {
+        2
+    } else if digits > 0 && words[digits..].starts_with(". ") {
+        digits + 2
+    } else {
+        0
+    }
 }
 
 /// A line that is too long, broken at its last blank that fits.
@@ -101,5 +113,18 @@ mod tests {
         assert_eq!(words(&wrapped), words(&text));
         assert_eq!(wrapped.lines().count(), 3, "{wrapped}");
         assert_eq!(wrap(&wrapped), wrapped);
+    }
+
+    #[test]
+    fn list_items_hang() {
+        let word = "word ".repeat(25);
+        let text = format!("//! 2. {}\n//!    end.\n//! 3. next\n", word.trim_end());
+        let wrapped = wrap(&text);
+        let lines: Vec<&str> = wrapped.lines().collect();
+        assert!(
+            lines[1].starts_with("//!    word") && lines[1].ends_with("word end."),
+            "{wrapped}"
+        );
+        assert_eq!((lines.len(), lines[2]), (3, "//! 3. next"));
     }
 }

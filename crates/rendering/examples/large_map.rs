@@ -1,5 +1,6 @@
-//! Time and memory of large maps: `cargo run --release -p manifoldslam-rendering --example large_map
-//! [SCANS]`. A building of 100 m x 100 m at 1 cm, and an office floor at 2.5 cm, from true poses.
+//! Time and memory of large maps: `cargo run --release -p manifoldslam-rendering --example
+//! large_map [SCANS]`. A building of 100 m x 100 m at 1 cm, and an office floor at 2.5 cm, from
+//! true poses.
 
 use geometry::{Pose2, Vector2};
 use manifoldslam_rendering::{

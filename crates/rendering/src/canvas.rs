@@ -199,7 +199,8 @@ mod tests {
     }
 
     proptest! {
-        /// Of finely spaced points along a segment, exactly those in the box are on the clipped piece.
+        /// Of finely spaced points along a segment, exactly those in the box are on the clipped
+        /// piece.
         #[test]
         fn clipping_keeps_what_is_inside(a in point(), b in point(), low in point(), size in point()) {
             let high = low + size.abs();

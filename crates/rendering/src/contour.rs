@@ -3,8 +3,8 @@ use geometry::Vector2;
 use std::collections::BTreeMap;
 
 /// The outlines of all walls as closed polylines in the map frame, metres; walls lie to the left
-/// of an outline's direction. Each is simplified so that it stays within `tolerance_m` of the cells'
-/// smoothed border.
+/// of an outline's direction. Each is simplified so that it stays within `tolerance_m` of the
+/// cells' smoothed border.
 ///
 /// The contour is the marching-squares line at one half through the centres of the cells (Lorensen
 /// and Cline 1987 in two dimensions), with ambiguous squares joined diagonally, as the eye does.
@@ -56,12 +56,14 @@ fn half_steps(grid: &OccupancyGrid) -> BTreeMap<Node, Node> {
     next
 }
 
-/// The pieces of contour through one square: sides (bottom, right, top, left) where they enter and leave.
+/// The pieces of contour through one square: sides (bottom, right, top, left) where they enter and
+/// leave.
 ///
 /// Corners go counter-clockwise from the lower left; the occupied side is on the left of a piece.
 fn pieces(corners: [bool; 4]) -> impl Iterator<Item = (usize, usize)> {
-    // Side k lies between corners k and k + 1. Going round counter-clockwise, a piece leaves through a
-    // side where free turns to occupied and enters through one where occupied turns to free.
+    // Side k lies between corners k and k + 1. Going round counter-clockwise, a piece leaves
+    // through a side where free turns to occupied and enters through one where occupied turns to
+    // free.
     let enters: Vec<usize> = (0..4).filter(|&k| corners[k] && !corners[(k + 1) % 4]).collect();
     let leaves: Vec<usize> = (0..4).filter(|&k| !corners[k] && corners[(k + 1) % 4]).collect();
     enters.into_iter().map(move |k| {
@@ -106,7 +108,8 @@ fn simplify_ring(ring: &[Vector2<f64>], tolerance: f64) -> Vec<Vector2<f64>> {
     simple
 }
 
-/// The polyline with as few of its points as stay within `tolerance` of it (Douglas and Peucker 1973).
+/// The polyline with as few of its points as stay within `tolerance` of it (Douglas and Peucker
+/// 1973).
 pub(crate) fn simplify(points: &[Vector2<f64>], tolerance: f64) -> Vec<Vector2<f64>> {
     if points.len() < 3 {
         return points.to_vec();

@@ -90,9 +90,9 @@ impl HitMissCounts {
     /// At most 65,535 views, so that no miss count can overflow.
     ///
     /// A scan's free polygon is not filled: each of its edges adds +1 or -1 in the first cell to
-    /// its right, row by row, and one running sum along every row at the end turns these borders into
-    /// counts. The cost is that of the outlines, not of the areas. The sums wrap on the way; the
-    /// result does not.
+    /// its right, row by row, and one running sum along every row at the end turns these borders
+    /// into counts. The cost is that of the outlines, not of the areas. The sums wrap on the way;
+    /// the result does not.
     fn cast_chunk(frame: GridFrame, views: &[ScanView], settings: &CastSettings) -> Self {
         let (mut hits, mut misses) = (vec![0_u16; frame.len()], vec![0_u16; frame.len()]);
         let band_rows = band_rows(&frame);

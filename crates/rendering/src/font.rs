@@ -1,16 +1,16 @@
-//! A stroke font of our own, so that images need no fonts from the system: plain capitals and lower-case
-//! letters drawn as a plotter would.
+//! A stroke font of our own, so that images need no fonts from the system: plain capitals and
+//! lower-case letters drawn as a plotter would.
 //!
-//! A glyph is a list of strokes; a stroke is a list of two-digit points, column then row. Row 2 is the
-//! base line, row 6 the height of small letters, row 8 that of capitals.
+//! A glyph is a list of strokes; a stroke is a list of two-digit points, column then row. Row 2 is
+//! the base line, row 6 the height of small letters, row 8 that of capitals.
 
 /// Height of capitals in grid units.
 pub(crate) const CAP_HEIGHT: f64 = 6.0;
 const BASE_ROW: f64 = 2.0;
 const GAP: f64 = 1.6;
 
-/// The strokes of a line of text: points relative to their glyph's left end on the base line, and the glyph's
-/// column. Control characters are skipped, characters without a glyph become a box.
+/// The strokes of a line of text: points relative to their glyph's left end on the base line, and
+/// the glyph's column. Control characters are skipped, characters without a glyph become a box.
 pub(crate) fn strokes(text: &str) -> Vec<(Vec<(f64, f64)>, f64)> {
     let mut column = 0.0;
     let mut all = Vec::new();

@@ -36,7 +36,8 @@ impl GridFrame {
         if !min.iter().chain(max.iter()).all(|v| v.is_finite()) {
             return Err(RenderError::NotFinite { what: "a corner of the area to draw".into() });
         }
-        // A corner within a billionth of a cell of a cell border lies on it: rounding must not add a row.
+        // A corner within a billionth of a cell of a cell border lies on it: rounding must not add
+        // a row.
         let first = (min / resolution_m).map(|v| (v + 1e-9).floor());
         let cells = (max / resolution_m - first).map(|v| (v - 1e-9).ceil().max(1.0));
         if cells.x * cells.y > Self::MAX_CELLS as f64 {

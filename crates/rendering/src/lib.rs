@@ -1,10 +1,11 @@
 //! Maps for people and for other programs: occupancy grids, annotated images, outlines, reports.
 //!
-//! Everything here takes values and returns bytes or text; files are the caller's business. The same
-//! input gives the same bytes, on one thread or many.
+//! Everything here takes values and returns bytes or text; files are the caller's business. The
+//! same input gives the same bytes, on one thread or many.
 //!
 //! 1. [`GridFrame`] says where the cells lie, [`ScanView`]s say what was seen from where;
-//! 2. [`HitMissCounts`] counts, for every cell, the scans that hit it and the scans that looked through it;
+//! 2. [`HitMissCounts`] counts, for every cell, the scans that hit it and the scans that looked
+//!    through it;
 //! 3. [`OccupancyGrid`] decides what is wall by an [`OccupancyRule`];
 //! 4. [`map_png`], [`map_svg`], [`ros_map_pgm`] and [`Report`] show it.
 //!

@@ -160,7 +160,8 @@ impl OccupancyGrid {
         steps.iter().any(|step| occupied(index - step) && occupied(index + step))
     }
 
-    /// Occupied cells without occupied neighbours that one scan alone saw, and what they are instead.
+    /// Occupied cells without occupied neighbours that one scan alone saw, and what they are
+    /// instead.
     fn lonely(&self, counts: &HitMissCounts) -> Vec<(usize, Cell)> {
         let (width, height) = (self.frame.width, self.frame.height);
         let in_row = |row: usize| {

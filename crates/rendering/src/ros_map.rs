@@ -21,7 +21,8 @@ pub fn ros_map_pgm(grid: &OccupancyGrid) -> Vec<u8> {
 /// `origin` is the map-frame pose of the lower-left corner of the lower-left cell.
 pub fn ros_map_yaml(grid: &OccupancyGrid, image: &str) -> String {
     let frame = grid.frame();
-    // map_server reads 205 as (255 - 205) / 255 = 0.19608 occupied: only thresholds around it keep it unknown.
+    // map_server reads 205 as (255 - 205) / 255 = 0.19608 occupied: only thresholds around it keep
+    // it unknown.
     format!(
         "image: {}\nmode: trinary\nresolution: {}\norigin: [{}, {}, 0.0]\nnegate: 0\n\
          occupied_thresh: 0.65\nfree_thresh: 0.196\n",

@@ -5,8 +5,8 @@ use crate::{Annotations, GridFrame, OccupancyGrid};
 use geometry::Vector2;
 use std::fmt::Write;
 
-/// The map as an SVG drawing: walls as filled outlines, paths and closures as lines. One unit is one
-/// metre; y points up in the map and down in SVG, so drawing y is minus map y.
+/// The map as an SVG drawing: walls as filled outlines, paths and closures as lines. One unit is
+/// one metre; y points up in the map and down in SVG, so drawing y is minus map y.
 ///
 /// Outlines and paths are simplified to `tolerance_m`; half a cell keeps everything one can see.
 pub fn map_svg(grid: &OccupancyGrid, annotations: &Annotations, tolerance_m: f64) -> String {

@@ -20,8 +20,8 @@ pub(crate) struct Sweep {
 
 /// Widest half wedge that a beam may vouch for, radians (1 degree; SICK beams are 0.5 to 1 apart).
 const MAX_HALF_WEDGE_RAD: f64 = 0.0175;
-/// Neighbouring hits this much farther apart than a surface seen head-on would put them still belong
-/// together, metres: twice the range noise of common scanners.
+/// Neighbouring hits this much farther apart than a surface seen head-on would put them still
+/// belong together, metres: twice the range noise of common scanners.
 const SURFACE_SLACK_M: f64 = 0.03;
 /// Longest piece of wall interpolated between two hits, metres; doors are wider.
 const MAX_CHORD_M: f64 = 0.7;

@@ -142,7 +142,8 @@ fn shifting_by_whole_cells_shifts_the_counts() {
     let counts = cast(square(-4.0, 4.0), &views(&scans, &poses));
     let shift = |p: &Pose2| Pose2::new(p.x + 64.0, p.y + 64.0, p.yaw);
     let shifted: Vec<Pose2> = poses.iter().map(shift).collect();
-    // Rounding of the poses themselves is below 1e-14 m; no border of this scene lies so near a centre.
+    // Rounding of the poses themselves is below 1e-14 m; no border of this scene lies so near a
+    // centre.
     let moved = cast(square(60.0, 68.0), &views(&scans, &shifted));
     for row in 0..counts.frame().height {
         for c in 0..counts.frame().width {
