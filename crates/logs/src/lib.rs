@@ -1,4 +1,4 @@
-//! Readers and writers: CARMEN logs, TUM trajectories.
+//! Readers and writers: CARMEN logs, TUM trajectories, g2o pose graphs, true relations.
 //!
 //! Parsers take any text and never panic; memory is bounded whatever the input. Readers of sensor logs
 //! return what they could read and a report of what they left out ([`ReadReport`]); readers of results
@@ -21,6 +21,7 @@ mod lines;
 mod mounting;
 mod number;
 mod record;
+mod relations;
 mod report;
 mod tum;
 
@@ -28,5 +29,6 @@ pub use carmen::{CarmenReader, ReadOptions};
 pub use error::{DropReason, DroppedLine, LogError};
 pub use input::{LogFile, LogInput, decompress};
 pub use record::LogRecord;
+pub use relations::{TrueRelation, open_relations, read_relations};
 pub use report::ReadReport;
 pub use tum::{TumPose, open_tum, read_tum, write_tum};

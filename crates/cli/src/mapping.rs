@@ -1,0 +1,135 @@
+use crate::args::Global;
+use crate::config::Config;
+use crate::reading::Reading;
+use crate::terminal::progress;
+use anyhow::{Result, bail};
+use geometry::{Matrix3, Pose2};
+use logs::ReadReport;
+use manifold::{Manifold, Provenance};
+use optimizer::{Edge, EdgeKind, PoseGraph};
+use slam::Mapper;
+use std::time::{Duration, Instant};
+
+/// Scans between two looks at the progress bar.
+const PROGRESS_EVERY: usize = 128;
+
+/// A log turned into a map.
+pub struct MappedLog {
+    /// The pipeline with its map.
+    pub mapper: Mapper,
+    /// Stamp of every scan, verbatim and in the log's order.
+    pub stamps: Vec<String>,
+    /// Base pose of every scan in the map frame.
+    pub poses: Vec<Pose2>,
+    /// Index of the scan that each patch was made of.
+    pub patch_scans: Vec<usize>,
+    /// What the reader made of the log.
+    pub report: ReadReport,
+    /// From the least to the greatest stamp, seconds.
+    pub duration_secs: f64,
+    /// Where the time went.
+    pub times: MappingTimes,
+}
+
+/// Time spent, wall clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MappingTimes {
+    /// The reading thread at work, beside the mapping.
+    pub reading: Duration,
+    /// Scan after scan, waiting for the reader included.
+    pub mapping: Duration,
+    /// The global pass at the end.
+    pub finishing: Duration,
+}
+
+/// Maps a log of `size` bytes (0 where unknown) while it is being read.
+pub fn map_log(reading: Reading, size: u64, config: &Config, global: &Global) -> Result<MappedLog> {
+    let bar = progress(global, size, "mapping {wide_bar} {percent:>3} % {msg} {eta}");
+    let mut mapper = Mapper::new(config.slam);
+    let (mut stamps, mut patch_scans) = (Vec::new(), Vec::new());
+    let (mut first, mut last) = (i64::MAX, i64::MIN);
+    let start = Instant::now();
+    for record in reading.records() {
+        first = first.min(record.observation.stamp.0);
+        last = last.max(record.observation.stamp.0);
+        let patches = mapper.manifold().patches().len();
+        mapper.step(record.observation);
+        patch_scans.resize(mapper.manifold().patches().len(), patch_scans.len());
+        for scan in &mut patch_scans[patches..] {
+            *scan = stamps.len();
+        }
+        stamps.push(record.stamp_text);
+        if stamps.len() % PROGRESS_EVERY == 0 {
+            bar.set_position(reading.position());
+            bar.set_message(format!("{} scans", stamps.len()));
+        }
+    }
+    let mapping = start.elapsed();
+    let (report, reading) = reading.finish()?;
+    bar.set_message("global pass");
+    if stamps.is_empty() {
+        bail!("no scan could be read{}", first_problems(&report));
+    }
+    let start = Instant::now();
+    mapper.finish();
+    let times = MappingTimes { reading, mapping, finishing: start.elapsed() };
+    bar.finish_and_clear();
+    let poses = mapper.trajectory();
+    let duration_secs = (last - first) as f64 * 1e-9;
+    Ok(MappedLog { mapper, stamps, poses, patch_scans, report, duration_secs, times })
+}
+
+/// The first things that were wrong with a log, for a message.
+pub fn first_problems(report: &ReadReport) -> String {
+    let mut text = String::new();
+    for dropped in report.dropped.iter().take(5) {
+        text.push_str(&format!("\n  {dropped}"));
+    }
+    if report.dropped_count > 5 {
+        text.push_str(&format!("\n  and {} more dropped lines", report.dropped_count - 5));
+    }
+    if let Some(failure) = &report.failure {
+        text.push_str(&format!("\n  {failure}"));
+    }
+    if text.is_empty() {
+        text = format!(": none of its {} lines is a laser message", report.lines);
+    }
+    text
+}
+
+/// The map as a pose graph: patches and the relations that hold.
+pub fn pose_graph(manifold: &Manifold) -> Result<PoseGraph<Pose2, 3>> {
+    let mut graph = PoseGraph::new();
+    for patch in manifold.patches() {
+        graph.add_node(u64::from(patch.id.0), patch.island_from_patch)?;
+    }
+    for relation in manifold.active_relations() {
+        let covariance = relation.from_from_to.covariance;
+        let information = covariance.try_inverse().unwrap_or_else(Matrix3::identity);
+        let information = 0.5 * (information + information.transpose());
+        let kind = match relation.provenance {
+            Provenance::Sequential => EdgeKind::Sequential,
+            _ => EdgeKind::Closure,
+        };
+        let (from, to) = (u64::from(relation.from.0), u64::from(relation.to.0));
+        graph.add_edge(Edge::new(from, to, relation.from_from_to.mean, information, kind))?;
+    }
+    if let Some(patch) = manifold.patches().first() {
+        graph.set_fixed(u64::from(patch.id.0), true)?;
+    }
+    Ok(graph)
+}
+
+/// Length of a path, metres, without the jitter of a standing robot: steps count from 10 cm on.
+pub fn path_length(poses: &[Pose2]) -> f64 {
+    let mut length = 0.0;
+    let Some(mut last) = poses.first() else { return length };
+    for pose in poses {
+        let step = last.distance(pose);
+        if step >= 0.1 {
+            length += step;
+            last = pose;
+        }
+    }
+    length
+}
