@@ -209,13 +209,17 @@ impl<'a> Decision<'a> {
         let low = self.first.saturating_sub(self.ridge);
         let high = (self.first + band.len() / width + self.ridge).min(height);
         let hits = self.smoothed(low, high);
+        let busy = busy_chunks(&hits, width);
+        let per_row = width.div_ceil(CHUNK);
         let mut peaks = vec![0_u32; width];
         let mut weak = Vec::new();
         for (i, cells) in band.chunks_mut(width).enumerate() {
             let row = self.first + i;
             let near = row.saturating_sub(self.ridge).max(low)..(row + self.ridge + 1).min(high);
-            let rows = hits[(near.start - low) * width..(near.end - low) * width].chunks(width);
-            maximum_around(rows, self.ridge, &mut peaks);
+            let near = near.start - low..near.end - low;
+            let rows = hits[near.start * width..near.end * width].chunks(width);
+            let flags = busy[near.start * per_row..near.end * per_row].chunks(per_row);
+            maximum_around(rows.zip(flags), self.ridge, &mut peaks);
             let here = &hits[(row - low) * width..(row - low + 1) * width];
             let misses = &self.counts.miss_rows()[row * width..(row + 1) * width];
             for (c, cell) in cells.iter_mut().enumerate() {
@@ -275,17 +279,42 @@ impl<'a> Decision<'a> {
     }
 }
 
-/// The largest value of all rows within `radius` columns of each column.
-fn maximum_around<'a>(rows: impl Iterator<Item = &'a [u32]>, radius: usize, peaks: &mut [u32]) {
+/// Cells that are looked at together.
+const CHUNK: usize = 64;
+
+/// Which pieces of the rows hold any hit: most hold none and need no second look.
+fn busy_chunks(hits: &[u32], width: usize) -> Vec<bool> {
+    let rows = hits.chunks(width);
+    rows.flat_map(|row| row.chunks(CHUNK).map(|c| c.iter().fold(0, |a, v| a | v) > 0)).collect()
+}
+
+/// The largest value of all rows within `radius` columns of each column. Rows come with the flags
+/// of their busy chunks.
+fn maximum_around<'a>(
+    rows: impl Iterator<Item = (&'a [u32], &'a [bool])>,
+    radius: usize,
+    peaks: &mut [u32],
+) {
     let width = peaks.len();
     let mut tallest = vec![0_u32; width];
-    for row in rows {
-        tallest.iter_mut().zip(row).for_each(|(t, v)| *t = (*t).max(*v));
+    let mut touched = vec![false; width.div_ceil(CHUNK)];
+    for (row, busy) in rows {
+        for (k, _) in busy.iter().enumerate().filter(|(_, busy)| **busy) {
+            touched[k] = true;
+            let chunk = k * CHUNK..((k + 1) * CHUNK).min(width);
+            let above = tallest[chunk.clone()].iter_mut();
+            above.zip(&row[chunk]).for_each(|(t, v)| *t = (*t).max(*v));
+        }
     }
-    peaks.copy_from_slice(&tallest);
-    for shift in 1..=radius.min(width.saturating_sub(1)) {
-        let (left, right) = (&tallest[..width - shift], &tallest[shift..]);
-        peaks[shift..].iter_mut().zip(left).for_each(|(p, v)| *p = (*p).max(*v));
-        peaks[..width - shift].iter_mut().zip(right).for_each(|(p, v)| *p = (*p).max(*v));
+    // Few cells are hit: spreading those is faster than looking around every cell.
+    peaks.fill(0);
+    for (k, _) in touched.iter().enumerate().filter(|(_, touched)| **touched) {
+        let first = k * CHUNK;
+        let chunk = tallest[first..].iter().take(CHUNK).enumerate();
+        for (i, &height) in chunk.filter(|(_, height)| **height > 0) {
+            let c = first + i;
+            let near = c.saturating_sub(radius)..(c + radius + 1).min(width);
+            peaks[near].iter_mut().for_each(|peak| *peak = (*peak).max(height));
+        }
     }
 }

@@ -2,7 +2,7 @@ use crate::worlds::{
     cast, full_circle, grid, poses_in_square, recorded, square_scan, views, with_threads,
 };
 use geometry::{Pose2, Vector2};
-use manifoldslam_rendering::{Cell, GridFrame, OccupancyGrid, OccupancyRule};
+use manifoldslam_rendering::{Cell, GridFrame, HitMissCounts, OccupancyGrid, OccupancyRule};
 use sensing::Scan;
 use synthetic::standard_normal;
 
@@ -112,6 +112,82 @@ fn long_looks_do_not_thicken_walls() {
     };
     let (few, many) = (count(60), count(1200));
     assert!(many < 1.15 * few, "{few} cells grew to {many}");
+}
+
+/// The rule as its documentation states it, cell by cell, without any cleverness.
+fn decide_plainly(counts: &HitMissCounts, rule: &OccupancyRule) -> Vec<Cell> {
+    let frame = *counts.frame();
+    let (width, height) = (frame.width as isize, frame.height as isize);
+    let around = |c: isize, r: isize, radius: isize| {
+        let inside =
+            move |(c, r): &(isize, isize)| (0..width).contains(c) && (0..height).contains(r);
+        (-radius..=radius)
+            .flat_map(move |dr| (-radius..=radius).map(move |dc| (c + dc, r + dr)))
+            .filter(inside)
+    };
+    let at = |c: isize, r: isize| (r * width + c) as usize;
+    let cells = |metres: f64| (metres / frame.resolution_m).round() as isize;
+    let (blur, ridge) = (cells(rule.smoothing_m), cells(rule.ridge_radius_m));
+    let all = || (0..height).flat_map(move |r| (0..width).map(move |c| (c, r)));
+    let hits: Vec<f64> = all()
+        .map(|(c, r)| {
+            let sum = |(c, r)| f64::from(counts.hits(c as usize, r as usize));
+            around(c, r, blur).map(sum).sum::<f64>() / (2 * blur + 1) as f64
+        })
+        .collect();
+    let (mut decided, mut weak) = (vec![Cell::Unknown; frame.len()], Vec::new());
+    for (c, r) in all() {
+        let (i, misses) = (at(c, r), f64::from(counts.misses(c as usize, r as usize)));
+        let peak = around(c, r, ridge).map(|(c, r)| hits[at(c, r)]).fold(0.0, f64::max);
+        let share = hits[i] > 0.0 && hits[i] >= rule.wall_share * (hits[i] + misses);
+        if share && hits[i] >= rule.ridge_share * peak {
+            decided[i] = Cell::Occupied;
+        } else {
+            if misses > 0.0 && misses >= 0.1 * peak {
+                decided[i] = Cell::Free;
+            }
+            if share && hits[i] >= rule.closing_share * peak {
+                weak.push((c, r));
+            }
+        }
+    }
+    let ridges = decided.clone();
+    for (c, r) in weak {
+        let wall = |dc, dr| {
+            let (c, r) = (c + dc, r + dr);
+            (0..width).contains(&c)
+                && (0..height).contains(&r)
+                && ridges[at(c, r)] == Cell::Occupied
+        };
+        let between = |dc: isize, dr: isize| wall(dc, dr) && wall(-dc, -dr);
+        if between(1, 0) || between(0, 1) || between(1, 1) || between(1, -1) {
+            decided[at(c, r)] = Cell::Occupied;
+        }
+    }
+    let closed = decided.clone();
+    for (c, r) in all().filter(|&(c, r)| closed[at(c, r)] == Cell::Occupied) {
+        let company = around(c, r, 1).filter(|&(c, r)| closed[at(c, r)] == Cell::Occupied).count();
+        if company == 1 && counts.hits(c as usize, r as usize) < 2 {
+            let free = counts.misses(c as usize, r as usize) > 0;
+            decided[at(c, r)] = if free { Cell::Free } else { Cell::Unknown };
+        }
+    }
+    decided
+}
+
+#[test]
+fn decisions_follow_the_rule() {
+    let (scans, poses) = recorded(8);
+    let views: Vec<_> = views(&scans, &poses).into_iter().step_by(9).collect();
+    let wide = OccupancyRule { ridge_radius_m: 0.15, smoothing_m: 0.05, ..Default::default() };
+    for (resolution, rule) in [(0.05, OccupancyRule::default()), (0.03, wide)] {
+        let counts = cast(GridFrame::around(&views, 0.0, resolution).expect("ok"), &views);
+        let grid = OccupancyGrid::decide(&counts, &rule);
+        let plain = OccupancyGrid::from_cells(*counts.frame(), decide_plainly(&counts, &rule));
+        for (c, r, center) in cells(*counts.frame()) {
+            assert_eq!(grid.cell(c, r), plain.cell(c, r), "{center}");
+        }
+    }
 }
 
 #[test]
