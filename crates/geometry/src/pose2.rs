@@ -21,34 +21,40 @@ impl Pose2 {
     pub const IDENTITY: Pose2 = Pose2 { x: 0.0, y: 0.0, yaw: 0.0 };
 
     /// A pose from its coordinates; `yaw` is wrapped.
+    #[inline]
     pub fn new(x: f64, y: f64, yaw: f64) -> Self {
         Pose2 { x, y, yaw: wrap_angle(yaw) }
     }
 
     /// The translation part.
+    #[inline]
     pub fn translation(&self) -> Vector2<f64> {
         Vector2::new(self.x, self.y)
     }
 
     /// Maps a point from the source frame to the target frame.
+    #[inline]
     pub fn transform(&self, point: Vector2<f64>) -> Vector2<f64> {
         let (s, c) = self.yaw.sin_cos();
         Vector2::new(self.x + c * point.x - s * point.y, self.y + s * point.x + c * point.y)
     }
 
     /// Rotates a direction from the source frame to the target frame.
+    #[inline]
     pub fn rotate(&self, direction: Vector2<f64>) -> Vector2<f64> {
         let (s, c) = self.yaw.sin_cos();
         Vector2::new(c * direction.x - s * direction.y, s * direction.x + c * direction.y)
     }
 
     /// The inverse transform.
+    #[inline]
     pub fn inverse(&self) -> Self {
         let (s, c) = self.yaw.sin_cos();
         Pose2::new(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
     }
 
     /// `self^-1 * other`: `other` seen from `self`.
+    #[inline]
     pub fn between(&self, other: &Pose2) -> Pose2 {
         let (s, c) = self.yaw.sin_cos();
         let (dx, dy) = (other.x - self.x, other.y - self.y);
@@ -56,21 +62,25 @@ impl Pose2 {
     }
 
     /// Distance between the origins of two poses in the same frame, in metres.
+    #[inline]
     pub fn distance(&self, other: &Pose2) -> f64 {
         (self.x - other.x).hypot(self.y - other.y)
     }
 
     /// Length of the translation, in metres.
+    #[inline]
     pub fn norm(&self) -> f64 {
         self.x.hypot(self.y)
     }
 
     /// The coordinates as a vector `(x, y, yaw)`; not the logarithm.
+    #[inline]
     pub fn coordinates(&self) -> Vector3<f64> {
         Vector3::new(self.x, self.y, self.yaw)
     }
 
     /// `sin(yaw)/yaw` and `(1 - cos(yaw))/yaw`, the entries of SE(2)'s `V` matrix.
+    #[inline]
     fn v_entries(yaw: f64) -> (f64, f64) {
         if yaw.abs() < 1e-4 {
             let y2 = yaw * yaw;
@@ -85,6 +95,7 @@ impl Mul for Pose2 {
     type Output = Pose2;
     // Composition adds the yaws.
     #[allow(clippy::suspicious_arithmetic_impl)]
+    #[inline]
     fn mul(self, other: Pose2) -> Pose2 {
         let t = self.transform(other.translation());
         Pose2::new(t.x, t.y, self.yaw + other.yaw)
@@ -92,24 +103,29 @@ impl Mul for Pose2 {
 }
 
 impl LieGroup<3> for Pose2 {
+    #[inline]
     fn identity() -> Self {
         Pose2::IDENTITY
     }
 
+    #[inline]
     fn compose(&self, other: &Self) -> Self {
         *self * *other
     }
 
+    #[inline]
     fn inverse(&self) -> Self {
         Pose2::inverse(self)
     }
 
+    #[inline]
     fn exp(tangent: &Vector3<f64>) -> Self {
         let (a, b) = Self::v_entries(tangent.z);
         let (vx, vy) = (tangent.x, tangent.y);
         Pose2::new(a * vx - b * vy, b * vx + a * vy, tangent.z)
     }
 
+    #[inline]
     fn log(&self) -> Vector3<f64> {
         let (a, b) = Self::v_entries(self.yaw);
         let d = a * a + b * b;
@@ -118,12 +134,14 @@ impl LieGroup<3> for Pose2 {
     }
 
     /// Sola et al. 2018, eq. (159).
+    #[inline]
     fn adjoint(&self) -> Matrix3<f64> {
         let (s, c) = self.yaw.sin_cos();
         Matrix3::new(c, -s, self.y, s, c, -self.x, 0.0, 0.0, 1.0)
     }
 
     /// `Jr^-1(v) = I + ad(v)/2 + k ad(v)^2`, with `k = 1/w^2 - (1 + cos w)/(2 w sin w)`.
+    #[inline]
     fn right_jacobian_inverse(tangent: &Vector3<f64>) -> Matrix3<f64> {
         let w = tangent.z;
         let (x, y) = (tangent.x, tangent.y);
@@ -136,10 +154,12 @@ impl LieGroup<3> for Pose2 {
         Matrix3::identity() + ad * 0.5 + ad * ad * k
     }
 
+    #[inline]
     fn is_finite(&self) -> bool {
         self.x.is_finite() && self.y.is_finite() && self.yaw.is_finite()
     }
 
+    #[inline]
     fn between(&self, other: &Self) -> Self {
         Pose2::between(self, other)
     }

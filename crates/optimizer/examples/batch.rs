@@ -13,7 +13,14 @@ fn main() {
     for path in args {
         let file = open_g2o(path.as_ref()).expect("readable");
         let Graph::Plane(start) = file.graph else { continue };
-        println!("{path}: {} nodes {} edges chi2 {} unplaced {} dropped {}", start.nodes().len(), start.edges().len(), start.chi2(), file.unplaced, file.dropped_count);
+        println!(
+            "{path}: {} nodes {} edges chi2 {} unplaced {} dropped {}",
+            start.nodes().len(),
+            start.edges().len(),
+            start.chi2(),
+            file.unplaced,
+            file.dropped_count
+        );
         for _ in 0..repeats {
             let mut graph = start.clone();
             let mut opt = Optimizer::new();
@@ -24,7 +31,16 @@ fn main() {
             let t = Instant::now();
             opt.optimize(&mut g2, &Settings::default()).expect("ok");
             let t2 = t.elapsed();
-            println!("cold {:?} warm structure {:?} iterations {} {:?} cost {} -> {} chi2/2 {}", t1, t2, report.iterations, report.status, report.initial_cost, report.final_cost, graph.chi2()/2.0);
+            println!(
+                "cold {:?} warm structure {:?} iterations {} {:?} cost {} -> {} chi2/2 {}",
+                t1,
+                t2,
+                report.iterations,
+                report.status,
+                report.initial_cost,
+                report.final_cost,
+                graph.chi2() / 2.0
+            );
         }
     }
 }

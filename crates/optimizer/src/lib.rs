@@ -31,22 +31,36 @@
 //! # Ok::<(), manifoldslam_optimizer::OptimizerError>(())
 //! ```
 
+mod admission;
 mod cholesky;
+mod clique;
 mod components;
+mod consistency;
 mod error;
+mod gate;
+mod gnc;
 mod graph;
 mod initial;
 mod kernel;
 mod linear_system;
 mod marginals;
 mod optimizer;
+mod robust;
 mod settings;
+mod spine;
 mod structure;
+mod support;
 
+pub use consistency::{
+    ClosureCandidate, ConsistencySettings, ConsistentSet, consistent_set, consistent_sets,
+};
 pub use error::OptimizerError;
+pub use gate::chi2_quantile;
+pub use gnc::{GncLoss, GncSettings, optimize_gnc};
 pub use graph::{Edge, EdgeKind, Node, PoseGraph};
 pub use initial::initialize_spanning_tree;
 pub use kernel::Kernel;
 pub use marginals::Marginals;
 pub use optimizer::{Optimizer, optimize};
+pub use robust::{RobustReport, RobustSettings, optimize_robust};
 pub use settings::{Method, Report, RobustScope, Settings, Status};

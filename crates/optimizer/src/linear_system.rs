@@ -1,5 +1,6 @@
+use crate::OptimizerError;
+use crate::cholesky::{Cholesky, HalfSolution};
 use crate::structure::{HELD, Structure};
-use crate::{OptimizerError, cholesky::Cholesky};
 use nalgebra::{SMatrix, SVector};
 
 /// The normal equations `H step = -gradient`, assembled into a fixed pattern.
@@ -99,7 +100,8 @@ impl<const D: usize> LinearSystem<D> {
         for (step, gradient) in self.step.iter_mut().zip(&self.gradient) {
             *step = -gradient;
         }
-        self.cholesky.solve(&mut self.step, 1).is_ok() && self.step.iter().all(|x| x.is_finite())
+        self.cholesky.solve(&mut self.step);
+        self.step.iter().all(|x| x.is_finite())
     }
 
     /// The last solution, in elimination order.
@@ -128,9 +130,12 @@ impl<const D: usize> LinearSystem<D> {
         self.cholesky.factorize(&self.values)
     }
 
-    /// Solves with the last factorisation for many right-hand sides.
-    pub fn solve_columns(&mut self, rhs: &mut [f64], columns: usize) -> Result<(), OptimizerError> {
-        self.cholesky.solve(rhs, columns)
+    /// For each position the half of its block column of the inverse; see
+    /// [`Cholesky::half_solve`].
+    pub fn half_solutions(&self, positions: &[u32]) -> Vec<HalfSolution<D>> {
+        let mut work = vec![[0.0; D]; self.gradient.len()];
+        let solve = |&position| self.cholesky.half_solve(position as usize * D, &mut work);
+        positions.iter().map(solve).collect()
     }
 
     /// Damping must also reach directions no edge constrains.
