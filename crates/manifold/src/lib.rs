@@ -5,12 +5,14 @@
 //! poses in the island's frame are re-estimated. A relation knows where it comes from and can be
 //! retracted: the manifold is then the one that was built without it.
 
+mod change;
 mod local_submap;
 mod manifold;
 mod patch;
 mod path_uncertainty;
 mod relation;
 
+pub use change::{Change, ManifoldError};
 pub use local_submap::{SubmapLimits, SubmapMember};
 pub use manifold::Manifold;
 pub use patch::{Patch, PatchId};

@@ -1,4 +1,4 @@
-use crate::{Patch, PatchId, Provenance, Relation, RelationId};
+use crate::{Change, ManifoldError, Patch, PatchId, Provenance, Relation, RelationId};
 use geometry::{GaussianPose2, Pose2};
 use sensing::{RobotId, Scan, Stamp};
 use std::sync::Arc;
@@ -10,6 +10,8 @@ pub struct Manifold {
     relations: Vec<Relation>,
     /// Relations at each patch, retracted ones excluded, in order of creation.
     adjacent: Vec<Vec<RelationId>>,
+    /// What happened since the journal was last taken.
+    journal: Vec<Change>,
 }
 
 impl Manifold {
@@ -29,6 +31,7 @@ impl Manifold {
     ) -> PatchId {
         let id = PatchId(self.patches.len() as u32);
         let patch = Patch { id, robot, stamp, scan, base_from_laser, island_from_patch };
+        self.journal.push(Change::PatchAdded(patch.clone()));
         self.patches.push(patch);
         self.adjacent.push(Vec::new());
         id
@@ -43,7 +46,9 @@ impl Manifold {
         provenance: Provenance,
     ) -> RelationId {
         let id = RelationId(self.relations.len() as u32);
-        self.relations.push(Relation { id, from, to, from_from_to, provenance, retracted: false });
+        let relation = Relation { id, from, to, from_from_to, provenance, retracted: false };
+        self.journal.push(Change::RelationAdded(relation));
+        self.relations.push(relation);
         self.adjacent[from.index()].push(id);
         self.adjacent[to.index()].push(id);
         id
@@ -52,15 +57,13 @@ impl Manifold {
     /// Takes a relation back. It stays on record but is no longer part of the map.
     pub fn retract(&mut self, id: RelationId) {
         let relation = &mut self.relations[id.index()];
-        relation.retracted = true;
+        if std::mem::replace(&mut relation.retracted, true) {
+            return;
+        }
+        self.journal.push(Change::RelationRetracted(id));
         for end in [relation.from, relation.to] {
             self.adjacent[end.index()].retain(|&r| r != id);
         }
-    }
-
-    /// Replaces a relation's Gaussian by a better measurement of the same thing.
-    pub fn remeasure(&mut self, id: RelationId, from_from_to: GaussianPose2) {
-        self.relations[id.index()].from_from_to = from_from_to;
     }
 
     /// All patches in order of creation.
@@ -73,9 +76,44 @@ impl Manifold {
         &self.patches[id.index()]
     }
 
-    /// Moves a patch within its island.
-    pub fn set_pose(&mut self, id: PatchId, island_from_patch: Pose2) {
-        self.patches[id.index()].island_from_patch = island_from_patch;
+    /// Re-estimates poses: where each named patch now lies in its island.
+    pub fn refit(&mut self, poses: Vec<(PatchId, Pose2)>) {
+        for &(patch, pose) in &poses {
+            self.patches[patch.index()].island_from_patch = pose;
+        }
+        self.journal.push(Change::PosesReestimated(poses));
+    }
+
+    /// Takes the journal: every change since it was last taken, in order.
+    ///
+    /// Applying all changes of a manifold to an empty one rebuilds it (see [`Manifold::apply`]).
+    pub fn take_journal(&mut self) -> Vec<Change> {
+        std::mem::take(&mut self.journal)
+    }
+
+    /// Repeats a change that happened to another manifold.
+    ///
+    /// # Errors
+    /// [`ManifoldError`] when the change does not follow on this manifold's state; nothing is changed.
+    pub fn apply(&mut self, change: &Change) -> Result<(), ManifoldError> {
+        let known = |p: PatchId| p.index() < self.patches.len();
+        match change {
+            Change::PatchAdded(p) if p.id.index() == self.patches.len() => {
+                let scan = Arc::clone(&p.scan);
+                self.add_patch(p.robot, p.stamp, scan, p.base_from_laser, p.island_from_patch);
+            }
+            Change::RelationAdded(r)
+                if r.id.index() == self.relations.len() && known(r.from) && known(r.to) =>
+            {
+                self.relate(r.from, r.to, r.from_from_to, r.provenance);
+            }
+            Change::RelationRetracted(id) if id.index() < self.relations.len() => self.retract(*id),
+            Change::PosesReestimated(poses) if poses.iter().all(|p| known(p.0)) => {
+                self.refit(poses.clone());
+            }
+            _ => return Err(ManifoldError::OutOfOrder),
+        }
+        Ok(())
     }
 
     /// All relations on record in order of creation, retracted ones included.

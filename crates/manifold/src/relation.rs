@@ -3,9 +3,7 @@ use geometry::{GaussianPose2, Pose2};
 use serde::{Deserialize, Serialize};
 
 /// Name of a relation: its index in the manifold, in the order of creation.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct RelationId(pub u32);
 
 impl RelationId {

@@ -73,6 +73,22 @@ pub struct LinePoint {
     pub normal_variance: f32,
 }
 
+impl LinePoint {
+    /// A function that gives points as seen from another frame.
+    pub fn mover(target_from_source: &Pose2) -> impl Fn(&LinePoint) -> LinePoint + use<> {
+        let (s, c) = target_from_source.yaw.sin_cos();
+        let (s, c) = (s as f32, c as f32);
+        let (x, y) = (target_from_source.x as f32, target_from_source.y as f32);
+        move |p| LinePoint {
+            x: x + c * p.x - s * p.y,
+            y: y + s * p.x + c * p.y,
+            nx: c * p.nx - s * p.ny,
+            ny: s * p.nx + c * p.ny,
+            ..*p
+        }
+    }
+}
+
 /// A map of surfels with, for every cell around them, the nearest one: the reference of the fast
 /// matcher, kept incrementally.
 ///
@@ -143,19 +159,15 @@ impl SurfelField {
 
     /// Adds a scan's points, seen from `field_from_scan`.
     pub fn insert(&mut self, points: &[LinePoint], field_from_scan: &Pose2) {
-        let (s, c) = field_from_scan.yaw.sin_cos();
-        let (s, c) = (s as f32, c as f32);
-        let (tx, ty) = (field_from_scan.x as f32, field_from_scan.y as f32);
+        let moved = LinePoint::mover(field_from_scan);
         for p in points {
-            let x = tx + c * p.x - s * p.y;
-            let y = ty + s * p.x + c * p.y;
-            let nx = c * p.nx - s * p.ny;
-            let ny = s * p.nx + c * p.ny;
-            self.insert_point(x, y, nx, ny, p.variance, p.normal_variance.max(1e-5));
+            self.insert_point(&moved(p));
         }
     }
 
-    fn insert_point(&mut self, x: f32, y: f32, nx: f32, ny: f32, variance: f32, normal_variance: f32) {
+    fn insert_point(&mut self, p: &LinePoint) {
+        let LinePoint { x, y, nx, ny, variance, .. } = *p;
+        let normal_variance = p.normal_variance.max(1e-5);
         let Some((column, row)) = self.cell_of(x, y) else { return };
         let (layer, neighbour_layer) = layers_of(nx, ny);
         let cell = self.index(layer, column, row);
@@ -201,6 +213,26 @@ impl SurfelField {
                 self.nearest[cell] = id;
             }
         }
+    }
+
+    /// True when a surface of the map that faces the viewer lies between `from` and `to` (field frame).
+    pub fn blocks(&self, from: (f32, f32), to: (f32, f32)) -> bool {
+        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+        let length = dx.hypot(dy);
+        let steps = (length / self.settings.cell_m) as usize;
+        let (ux, uy) = (dx / length.max(1e-6), dy / length.max(1e-6));
+        let layer = layer_of(-ux, -uy);
+        (1..steps).any(|k| {
+            let d = k as f32 * self.settings.cell_m;
+            let Some((column, row)) = self.cell_of(from.0 + ux * d, from.1 + uy * d) else {
+                return false;
+            };
+            let cell = self.index(layer, column, row);
+            self.distance[cell] == 0
+                && self.surfels.get(usize::from(self.nearest[cell])).is_some_and(|s| {
+                    s.nx * ux + s.ny * uy < -0.5
+                })
+        })
     }
 
     fn cell_of(&self, x: f32, y: f32) -> Option<(usize, usize)> {

@@ -1,56 +1,43 @@
+use crate::map::Map;
 use geometry::Pose2;
-use manifold::{Manifold, PatchId, SubmapLimits};
+use manifold::{PatchId, SubmapLimits};
 use matching::{FieldSettings, LinePoint, SurfelField};
 
-/// The local submap the robot is localised in, as a surfel field in the frame of its anchor patch.
+/// A local submap as a surfel field, in the frame of its anchor patch.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveSubmap {
     pub anchor: PatchId,
+    /// Patches and their poses seen from the anchor.
     pub members: Vec<(PatchId, Pose2)>,
     pub field: SurfelField,
 }
 
-/// The line points of every patch, in the patch's frame, by patch index.
-pub(crate) type PatchPoints = Vec<Vec<LinePoint>>;
-
 impl ActiveSubmap {
+    /// An empty submap.
     pub fn new(settings: FieldSettings) -> Self {
         let field = SurfelField::new(settings, (0.0, 0.0), (0.0, 0.0));
         ActiveSubmap { anchor: PatchId(0), members: Vec::new(), field }
     }
 
     /// Gathers the local submap of `anchor` and lays its field, with room to drive on by `margin_m`.
-    pub fn rebuild(
-        &mut self,
-        manifold: &Manifold,
-        points: &PatchPoints,
-        anchor: PatchId,
-        limits: &SubmapLimits,
-        margin_m: f64,
-    ) {
-        let anchor_pose = manifold.patch(anchor).island_from_patch;
+    pub fn rebuild(&mut self, map: &Map, anchor: PatchId, limits: &SubmapLimits, margin_m: f64) {
+        let anchor_pose = map.pose(anchor);
+        let submap = map.manifold.local_submap(anchor, limits);
+        let seen = |patch: PatchId| (patch, anchor_pose.between(&map.pose(patch)));
         self.anchor = anchor;
-        self.members = manifold
-            .local_submap(anchor, limits)
-            .iter()
-            .map(|m| (m.patch, anchor_pose.between(&manifold.patch(m.patch).island_from_patch)))
-            .collect();
+        self.members = submap.iter().map(|m| seen(m.patch)).collect();
         self.members.sort_by_key(|m| m.0);
-        let (min, max) = window(&self.members, points, margin_m);
-        self.field.reset(min, max);
-        for (patch, pose) in &self.members {
-            self.field.insert(&points[patch.index()], pose);
-        }
+        lay_field(&mut self.field, map, &self.members, margin_m);
     }
 
     /// Adds a patch just created.
-    pub fn push(&mut self, patch: PatchId, anchor_from_patch: Pose2, points: &[LinePoint]) {
+    pub fn push(&mut self, patch: PatchId, anchor_from_patch: Pose2, surface: &[LinePoint]) {
         self.members.push((patch, anchor_from_patch));
-        self.field.insert(points, &anchor_from_patch);
+        self.field.insert(surface, &anchor_from_patch);
     }
 
-    /// The member whose origin is nearest to a pose in the anchor's frame, its pose and distance.
-    /// Rotation counts: `metres_per_radian` of turn is as far as a metre.
+    /// The member whose origin is nearest to a pose in the anchor's frame, and its pose. Rotation counts:
+    /// a radian of turn is as far as `metres_per_radian`.
     pub fn nearest(&self, anchor_from_base: &Pose2, metres_per_radian: f64) -> (PatchId, Pose2) {
         let cost = |pose: &Pose2| {
             let delta = pose.between(anchor_from_base);
@@ -64,20 +51,24 @@ impl ActiveSubmap {
     }
 }
 
-fn window(
+/// Fills `field` with the surfaces of `members`, its window `margin_m` larger than they are.
+pub(crate) fn lay_field(
+    field: &mut SurfelField,
+    map: &Map,
     members: &[(PatchId, Pose2)],
-    points: &PatchPoints,
     margin_m: f64,
-) -> ((f64, f64), (f64, f64)) {
-    let (mut min, mut max) = ((0.0f64, 0.0f64), (0.0f64, 0.0f64));
+) {
+    let (mut min, mut max) = ((0.0f32, 0.0f32), (0.0f32, 0.0f32));
     for (patch, pose) in members {
-        let (s, c) = pose.yaw.sin_cos();
-        for p in &points[patch.index()] {
-            let (px, py) = (f64::from(p.x), f64::from(p.y));
-            let (x, y) = (pose.x + c * px - s * py, pose.y + s * px + c * py);
-            min = (min.0.min(x), min.1.min(y));
-            max = (max.0.max(x), max.1.max(y));
+        for p in map.surface(*patch).iter().map(LinePoint::mover(pose)) {
+            min = (min.0.min(p.x), min.1.min(p.y));
+            max = (max.0.max(p.x), max.1.max(p.y));
         }
     }
-    ((min.0 - margin_m, min.1 - margin_m), (max.0 + margin_m, max.1 + margin_m))
+    let low = (f64::from(min.0) - margin_m, f64::from(min.1) - margin_m);
+    let high = (f64::from(max.0) + margin_m, f64::from(max.1) + margin_m);
+    field.reset(low, high);
+    for (patch, pose) in members {
+        field.insert(map.surface(*patch), pose);
+    }
 }

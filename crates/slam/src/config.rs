@@ -1,18 +1,27 @@
-use crate::{ClosingSettings, RefitSettings};
+use crate::{ClosingSettings, OdometrySettings, RefitSettings};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings};
 use serde::{Deserialize, Serialize};
 
 /// Everything that can be set about the pipeline. The defaults are meant for every building.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SlamConfig {
+    /// Residuals of neighbouring beams are not independent: the information a match claims is this
+    /// many times what it has.
+    pub match_correlation: f64,
     /// How far odometry is trusted.
     pub odometry: OdometrySettings,
     /// When a scan becomes a patch.
     pub extension: ExtensionSettings,
     /// What belongs to a local submap.
     pub submap: SubmapLimits,
+    /// Error of a relation that does not show in its match's residuals.
+    pub relation_floor: RelationFloor,
+    /// Loop closing.
+    pub closing: ClosingSettings,
+    /// The global refit.
+    pub refit: RefitSettings,
     /// The laser's measurement error.
     pub noise: BeamNoise,
     /// How surface lines are fitted to scans.
@@ -21,49 +30,39 @@ pub struct SlamConfig {
     pub field: FieldSettings,
     /// The fast matcher.
     pub matcher: FastSettings,
-    /// Loop closing.
-    pub closing: ClosingSettings,
-    /// The global refit.
-    pub refit: RefitSettings,
 }
 
-/// The motion model: standard deviations of the odometry's error between two scans.
+impl Default for SlamConfig {
+    fn default() -> Self {
+        SlamConfig {
+            match_correlation: 10.0,
+            odometry: OdometrySettings::default(),
+            extension: ExtensionSettings::default(),
+            submap: SubmapLimits::default(),
+            relation_floor: RelationFloor::default(),
+            closing: ClosingSettings::default(),
+            refit: RefitSettings::default(),
+            noise: BeamNoise::default(),
+            lines: LineFitSettings::default(),
+            field: FieldSettings::default(),
+            matcher: FastSettings::default(),
+        }
+    }
+}
+
+/// Standard deviations below which no relation is trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct OdometrySettings {
-    /// Use odometry where the log has it.
-    pub enabled: bool,
-    /// weight
-    pub weight: f64,
-    /// weight in refit
-    pub refit_weight: f64,
-    /// Error of the translation per metre driven.
-    pub translation_per_m: f64,
-    /// Error of the translation per radian turned, metres.
-    pub translation_per_rad_m: f64,
-    /// Error of the rotation per radian turned.
-    pub rotation_per_rad: f64,
-    /// Error of the rotation per metre driven, radians.
-    pub rotation_per_m_rad: f64,
-    /// Error of the translation at a stand-still, metres.
-    pub translation_floor_m: f64,
-    /// Error of the rotation at a stand-still, radians.
-    pub rotation_floor_rad: f64,
+pub struct RelationFloor {
+    /// Along either axis, metres.
+    pub translation_m: f64,
+    /// Of the yaw, radians.
+    pub rotation_rad: f64,
 }
 
-impl Default for OdometrySettings {
+impl Default for RelationFloor {
     fn default() -> Self {
-        OdometrySettings {
-            enabled: true,
-            weight: 10.0,
-            refit_weight: 1.0,
-            translation_per_m: 0.1,
-            translation_per_rad_m: 0.05,
-            rotation_per_rad: 0.15,
-            rotation_per_m_rad: 0.05,
-            translation_floor_m: 0.01,
-            rotation_floor_rad: 0.01,
-        }
+        RelationFloor { translation_m: 0.005, rotation_rad: 0.001 }
     }
 }
 
@@ -79,6 +78,8 @@ pub struct ExtensionSettings {
     pub explained: f64,
     /// A match that explains less than this of the scan is tried again from other starting points.
     pub recover_below: f64,
+    /// What another start must explain more than the best so far, share of the scan.
+    pub recover_gain: f64,
     /// Largest distance to the nearest patch, metres.
     pub distance_m: f64,
     /// Largest turn from the nearest patch, radians.
@@ -91,7 +92,8 @@ impl Default for ExtensionSettings {
             translation_m: 0.05,
             rotation_rad: 0.02,
             explained: 0.7,
-            recover_below: 0.45,
+            recover_below: 0.5,
+            recover_gain: 0.05,
             distance_m: 0.6,
             turn_rad: 0.5,
         }

@@ -1,21 +1,24 @@
 use crate::SlamConfig;
-use crate::active_submap::{ActiveSubmap, PatchPoints};
+use crate::active_submap::ActiveSubmap;
+use crate::map::Map;
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::{Manifold, PatchId, Provenance};
+use manifold::{PatchId, Provenance};
 use matching::{FastMatcher, LinePoint, MatchResult, Prior};
 use sensing::Observation;
 use std::sync::Arc;
 
-/// Incremental localisation and mapping of one robot (algorithm 5.2).
+/// Incremental localisation and mapping of one robot (thesis, algorithm 5.2).
 #[derive(Clone, Debug)]
 pub(crate) struct FrontEnd {
     config: SlamConfig,
     matcher: FastMatcher,
-    pub submap: ActiveSubmap,
+    submap: ActiveSubmap,
     anchor_from_base: Pose2,
     last_odometry: Option<Pose2>,
     last_motion: Pose2,
-    started: bool,
+    last_patch: Option<PatchId>,
+    /// Odometry since the last patch: motion, distance driven, angle turned.
+    since_patch: Option<(Pose2, f64, f64)>,
 }
 
 /// Where a scan was localised.
@@ -24,7 +27,9 @@ pub(crate) struct Localisation {
     pub patch: PatchId,
     pub patch_from_base: Pose2,
     pub is_patch: bool,
-    pub result: Option<MatchResult>,
+    pub recovered: bool,
+    /// Share of the scan that the submap explains; 1 for the first scan.
+    pub explained: f64,
 }
 
 impl FrontEnd {
@@ -36,99 +41,136 @@ impl FrontEnd {
             anchor_from_base: Pose2::IDENTITY,
             last_odometry: None,
             last_motion: Pose2::IDENTITY,
-            started: false,
+            last_patch: None,
+            since_patch: None,
         }
     }
 
+    /// Localises a scan in the local submap and extends the manifold if the fit says so.
     pub fn process(
         &mut self,
         observation: Observation,
-        scan: Vec<LinePoint>,
-        manifold: &mut Manifold,
-        points: &mut PatchPoints,
+        scan: &[LinePoint],
+        map: &mut Map,
     ) -> Localisation {
-        if !std::mem::replace(&mut self.started, true) {
-            self.last_odometry = observation.odom_from_base;
-            return self.start_island(observation, scan, manifold, points);
-        }
-        let prior = self.predict(observation.odom_from_base);
-        let mut result = self.matcher.align(&self.submap.field, &scan, &prior);
-        if result.inlier_ratio < self.config.extension.recover_below {
-            result = self.recover(&scan, &prior, result);
+        let Some(last_patch) = self.last_patch else {
+            return self.start_island(observation, scan, map);
+        };
+        let motion = self.measure_motion(observation.odom_from_base);
+        let prior = self.predict(&motion);
+        let mut result = self.matcher.align(&self.submap.field, scan, &prior);
+        let poor = result.inlier_ratio < self.config.extension.recover_below;
+        if poor {
+            result = self.recover(scan, &prior, result);
         }
         let pose = if result.status.is_usable() { result.pose } else { prior.pose };
         self.last_motion = self.anchor_from_base.between(&pose);
         self.anchor_from_base = pose;
-        if self.must_extend(&result) {
-            self.extend(observation, scan, &result, &prior, manifold, points)
+        let (patch, patch_from_base, is_patch) = if self.must_extend(&result) {
+            let patch = self.extend(observation, scan, &result, &motion, map);
+            self.note_odometry(last_patch, patch, map);
+            (patch, Pose2::IDENTITY, true)
         } else {
             let (patch, anchor_from_patch) = self.submap.nearest(&pose, 1.0);
-            let patch_from_base = anchor_from_patch.between(&pose);
-            Localisation { patch, patch_from_base, is_patch: false, result: Some(result) }
-        }
+            (patch, anchor_from_patch.between(&pose), false)
+        };
+        let explained = result.inlier_ratio;
+        Localisation { patch, patch_from_base, is_patch, recovered: poor, explained }
+    }
+
+    /// After a refit moved the map: lays the submap anew around `patch`, the robot staying where it is seen
+    /// from there.
+    pub fn relocate(&mut self, map: &Map, patch: PatchId) {
+        let anchor_from_patch =
+            self.submap.members.iter().find(|m| m.0 == patch).map_or(Pose2::IDENTITY, |m| m.1);
+        self.anchor_from_base = anchor_from_patch.between(&self.anchor_from_base);
+        let margin = 0.5 * self.config.submap.distance_m;
+        self.submap.rebuild(map, patch, &self.config.submap, margin);
     }
 
     fn start_island(
         &mut self,
         observation: Observation,
-        scan: Vec<LinePoint>,
-        manifold: &mut Manifold,
-        points: &mut PatchPoints,
+        scan: &[LinePoint],
+        map: &mut Map,
     ) -> Localisation {
-        let patch = manifold.add_patch(
-            observation.robot,
-            observation.stamp,
-            Arc::new(observation.scan),
-            observation.base_from_laser,
-            Pose2::IDENTITY,
-        );
-        points.push(scan);
-        self.rebuild(manifold, points, patch);
-        self.anchor_from_base = Pose2::IDENTITY;
-        Localisation { patch, patch_from_base: Pose2::IDENTITY, is_patch: true, result: None }
+        self.last_odometry = self.usable(observation.odom_from_base);
+        let patch = add_patch(observation, scan, Pose2::IDENTITY, map);
+        self.last_patch = Some(patch);
+        self.since_patch = Some((Pose2::IDENTITY, 0.0, 0.0));
+        self.relocate(map, patch);
+        Localisation {
+            patch,
+            patch_from_base: Pose2::IDENTITY,
+            is_patch: true,
+            recovered: false,
+            explained: 1.0,
+        }
     }
 
-    /// The prior for the next match: odometry where there is some, else the last motion again.
-    fn predict(&mut self, odometry: Option<Pose2>) -> Prior {
-        let o = &self.config.odometry;
-        let odometry = odometry.filter(|_| o.enabled);
+    fn usable(&self, odometry: Option<Pose2>) -> Option<Pose2> {
+        odometry.filter(|_| self.config.odometry.enabled)
+    }
+
+    /// The motion since the last scan: by odometry where there is some, else as before.
+    fn measure_motion(&mut self, odometry: Option<Pose2>) -> GaussianPose2 {
+        let odometry = self.usable(odometry);
         let motion = match (self.last_odometry, odometry) {
             (Some(last), Some(now)) => Some(last.between(&now)),
             _ => None,
         };
         self.last_odometry = odometry;
-        let Some(motion) = motion else {
-            return Prior::guess(self.anchor_from_base * self.last_motion);
+        self.since_patch = match (self.since_patch, motion) {
+            (Some((sum, distance, turn)), Some(m)) => {
+                Some((sum * m, distance + m.norm(), turn + m.yaw.abs()))
+            }
+            _ => None,
         };
-        let (distance, turn) = (motion.norm(), motion.yaw.abs());
-        let translation =
-            o.translation_floor_m + o.translation_per_m * distance + o.translation_per_rad_m * turn;
-        let rotation =
-            o.rotation_floor_rad + o.rotation_per_rad * turn + o.rotation_per_m_rad * distance;
-        let (t, r) = (o.weight * translation.powi(-2), o.weight * rotation.powi(-2));
-        let information = Matrix3::from_diagonal(&Vector3::new(t, t, r));
-        Prior { pose: self.anchor_from_base * motion, information }
+        match motion {
+            Some(motion) => self.config.odometry.gaussian(motion),
+            None => self.config.odometry.guess(self.last_motion),
+        }
     }
 
-    /// Tries other starting points when the fit from the prior is poor: odometry may have slipped or
-    /// frozen. Keeps the first result unless another explains clearly more of the scan.
+    /// The prior of the next match. Residuals of neighbouring beams are not independent, so a match
+    /// claims more than it knows; `match_correlation` weighs the motion up against it.
+    fn predict(&self, motion: &GaussianPose2) -> Prior {
+        let information = motion.covariance.try_inverse().unwrap_or_else(Matrix3::zeros);
+        Prior {
+            pose: self.anchor_from_base * motion.mean,
+            information: information * self.config.match_correlation,
+        }
+    }
+
+    /// Tries other starting points when the fit from the prior is poor: odometry may have slipped,
+    /// frozen or jumped. Turns are tried in growing rings, and the first ring with a good fit wins:
+    /// indoors a wrong turn of 90 or 180 degrees often fits as well as the right small one.
     fn recover(&self, scan: &[LinePoint], prior: &Prior, first: MatchResult) -> MatchResult {
+        let e = &self.config.extension;
+        let starts = [self.anchor_from_base * self.last_motion, self.anchor_from_base, prior.pose];
         let mut best = first;
-        let starts = [prior.pose, self.anchor_from_base * self.last_motion, self.anchor_from_base];
-        let turns = (0..=9).flat_map(|k| [10.0 * k as f64, -10.0 * k as f64]).skip(1);
-        for turn in turns {
-            for start in starts {
-                let pose = start * Pose2::new(0.0, 0.0, turn.to_radians());
-                let result = self.matcher.align(&self.submap.field, scan, &Prior::guess(pose));
-                let margin = if best == first { 0.1 } else { 0.0 };
-                if result.status.is_usable() && result.inlier_ratio > best.inlier_ratio + margin {
+        for ring in 0..=9 {
+            let turn = (10.0 * f64::from(ring)).to_radians();
+            for (start, turn) in starts.iter().flat_map(|s| [(s, turn), (s, -turn)]) {
+                let guess = Prior::guess(*start * Pose2::new(0.0, 0.0, turn));
+                let result = self.matcher.align(&self.submap.field, scan, &guess);
+                let turned = start.between(&result.pose).yaw.abs();
+                if result.status.is_usable()
+                    && turned < turn.abs() + 0.35
+                    && result.inlier_ratio > best.inlier_ratio + e.recover_gain
+                {
                     best = result;
                 }
+            }
+            if best.inlier_ratio > e.explained {
+                break;
             }
         }
         best
     }
 
+    /// True when the submap does not know the scan's surroundings well enough (algorithm 5.2, lines
+    /// 4 to 7), or the robot has left the neighbourhood of its patches.
     fn must_extend(&self, result: &MatchResult) -> bool {
         let e = &self.config.extension;
         let interval = |i: usize| 1.96 * result.covariance[(i, i)].max(0.0).sqrt();
@@ -144,64 +186,61 @@ impl FrontEnd {
     fn extend(
         &mut self,
         observation: Observation,
-        scan: Vec<LinePoint>,
+        scan: &[LinePoint],
         result: &MatchResult,
-        prior: &Prior,
-        manifold: &mut Manifold,
-        points: &mut PatchPoints,
-    ) -> Localisation {
+        motion: &GaussianPose2,
+        map: &mut Map,
+    ) -> PatchId {
         let (from, anchor_from_from) = self.submap.nearest(&self.anchor_from_base, 1.0);
         let from_from_to = anchor_from_from.between(&self.anchor_from_base);
-        let information = result.covariance.try_inverse().unwrap_or_else(Matrix3::zeros);
-        let covariance = (information + prior.information / self.config.odometry.weight + Matrix3::identity() * 1e-3)
-            .try_inverse()
-            .unwrap_or(result.covariance)
-            * 4.0;
-        let f = &self.config.closing;
-        let covariance = covariance
-            + Matrix3::from_diagonal(&Vector3::new(f.floor_t, f.floor_t, f.floor_r).map(|v| v * v));
-        let island_from_patch = manifold.patch(from).island_from_patch * from_from_to;
-        let patch = manifold.add_patch(
-            observation.robot,
-            observation.stamp,
-            Arc::new(observation.scan),
-            observation.base_from_laser,
-            island_from_patch,
-        );
+        let pose = map.pose(from) * from_from_to;
+        let patch = add_patch(observation, scan, pose, map);
+        let covariance = self.config.relation_covariance(&result.covariance, Some(motion));
         let relation = GaussianPose2 { mean: from_from_to, covariance };
-        manifold.relate(from, patch, relation, Provenance::Sequential);
-        self.submap.push(patch, self.anchor_from_base, &scan);
-        points.push(scan);
+        map.manifold.relate(from, patch, relation, Provenance::Sequential);
+        self.submap.push(patch, self.anchor_from_base, scan);
         if self.anchor_from_base.norm() > 0.25 * self.config.submap.distance_m {
-            self.rebuild(manifold, points, patch);
+            self.relocate(map, patch);
         }
-        Localisation {
-            patch,
-            patch_from_base: Pose2::IDENTITY,
-            is_patch: true,
-            result: Some(*result),
-        }
+        patch
     }
 
-    /// After a refit moved the map: stay where the robot is seen from `patch`.
-    pub fn relocate(&mut self, manifold: &Manifold, points: &PatchPoints, patch: PatchId) {
-        let (_, anchor_from_patch) = self
-            .submap
-            .members
-            .iter()
-            .find(|m| m.0 == patch)
-            .copied()
-            .unwrap_or((patch, Pose2::IDENTITY));
-        self.anchor_from_base = anchor_from_patch.between(&self.anchor_from_base);
-        let margin = 0.5 * self.config.submap.distance_m;
-        self.submap.rebuild(manifold, points, patch, &self.config.submap, margin);
+    fn note_odometry(&mut self, last: PatchId, patch: PatchId, map: &mut Map) {
+        if let Some((motion, distance, turn)) = self.since_patch {
+            let gaussian = self.config.odometry.gaussian_along(motion, distance, turn);
+            map.odometry.push((last, patch, gaussian));
+        }
+        self.last_patch = Some(patch);
+        self.since_patch = Some((Pose2::IDENTITY, 0.0, 0.0));
     }
+}
 
-    /// Makes `patch` the anchor of a fresh submap, keeping the robot where it is.
-    pub fn rebuild(&mut self, manifold: &Manifold, points: &PatchPoints, patch: PatchId) {
-        let old = manifold.patch(self.submap.anchor).island_from_patch * self.anchor_from_base;
-        self.anchor_from_base = manifold.patch(patch).island_from_patch.between(&old);
-        let margin = 0.5 * self.config.submap.distance_m;
-        self.submap.rebuild(manifold, points, patch, &self.config.submap, margin);
+fn add_patch(observation: Observation, scan: &[LinePoint], pose: Pose2, map: &mut Map) -> PatchId {
+    map.surfaces.push(scan.to_vec());
+    map.manifold.add_patch(
+        observation.robot,
+        observation.stamp,
+        Arc::new(observation.scan),
+        observation.base_from_laser,
+        pose,
+    )
+}
+
+impl SlamConfig {
+    /// Covariance of a relation from that of its match: the match's claim weighed down by
+    /// `match_correlation`, together with the motion measured, plus the error that does not show in
+    /// residuals (`relation_floor`).
+    pub(crate) fn relation_covariance(
+        &self,
+        matched: &Matrix3<f64>,
+        motion: Option<&GaussianPose2>,
+    ) -> Matrix3<f64> {
+        let information = |c: &Matrix3<f64>| c.try_inverse().unwrap_or_else(Matrix3::zeros);
+        let matched = information(&(matched * self.match_correlation));
+        let moved = motion.map_or_else(Matrix3::zeros, |m| information(&m.covariance));
+        let floor = self.relation_floor;
+        let std = Vector3::new(floor.translation_m, floor.translation_m, floor.rotation_rad);
+        let fused = matched + moved + Matrix3::identity() * 1e-3;
+        information(&fused) + Matrix3::from_diagonal(&std.component_mul(&std))
     }
 }

@@ -1,14 +1,22 @@
 //! The pipeline: observations in, events out; a manifold and a pose for every scan at the end.
+//!
+//! [`Mapper::step`] localises each scan in the local submap of the nearest patches, extends the
+//! manifold when the fit says so, and looks for loops at new patches; [`Mapper::finish`] refits
+//! the whole map and places every scan in it. Nothing here does IO or reads a clock.
 
 mod active_submap;
 mod config;
+mod event;
 mod front_end;
 mod loop_closing;
+mod map;
 mod mapper;
+mod motion_model;
 mod refit;
-mod smoother;
 
-pub use config::{ExtensionSettings, OdometrySettings, SlamConfig};
-pub use loop_closing::ClosingSettings;
-pub use refit::RefitSettings;
-pub use mapper::{Mapper, ScanPose};
+pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
+pub use event::{Event, Stage, StageObserver, Unobserved};
+pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
+pub use mapper::{Mapper, ScanPose, Statistics};
+pub use motion_model::OdometrySettings;
+pub use refit::{RefitMethod, RefitSettings};

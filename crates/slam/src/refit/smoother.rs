@@ -16,7 +16,11 @@ pub(crate) struct Knowledge {
 /// Gauss-Newton on the chain; its normal equations are block tridiagonal and are solved by block elimination
 /// forwards and substitution backwards, in time linear in the number of poses. Motions that contradict
 /// the map are weighted down (Cauchy kernel of scale `outlier_sigmas`).
-pub(crate) fn smooth(knowledge: &[Knowledge], outlier_sigmas: f64, iterations: usize) -> Vec<Pose2> {
+pub(crate) fn smooth(
+    knowledge: &[Knowledge],
+    outlier_sigmas: f64,
+    iterations: usize,
+) -> Vec<Pose2> {
     let mut poses: Vec<Pose2> = knowledge.iter().map(|k| k.measured).collect();
     for _ in 0..iterations {
         let steps = solve_chain(&linearise(knowledge, &poses, outlier_sigmas));

@@ -1,0 +1,90 @@
+use super::ClosingSettings;
+use super::signature::{Signature, signature_of};
+use crate::map::Map;
+use geometry::{GaussianPose2, Pose2};
+use manifold::{PatchId, SubmapLimits};
+use std::collections::BTreeMap;
+
+/// A place that may be the one the robot is at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Candidate {
+    pub patch: PatchId,
+    /// Present belief of the query, seen from the candidate patch.
+    pub patch_from_query: GaussianPose2,
+    /// True when the belief is too vague to search: the place itself is then searched all round.
+    pub by_look: bool,
+}
+
+/// Chooses the places to compare a new patch with.
+pub(crate) struct Candidates {
+    settings: ClosingSettings,
+    limits: SubmapLimits,
+    signatures: BTreeMap<PatchId, Signature>,
+}
+
+/// Patches whose signatures are compared are this much older than the query, so that their
+/// surroundings are complete.
+const SETTLED_PATCHES: u32 = 30;
+
+impl Candidates {
+    pub fn new(settings: ClosingSettings, limits: SubmapLimits) -> Self {
+        Candidates { settings, limits, signatures: BTreeMap::new() }
+    }
+
+    /// The best places for `query`, best first, spaced apart: patches that are not known well enough to
+    /// be in its local submap, but may see the same surfaces. Near ones are ranked by distance; where
+    /// the belief is vaguer than the search box, by the look of the place.
+    pub fn of(&mut self, query: PatchId, map: &Map) -> Vec<Candidate> {
+        let mut found: Vec<(f64, Candidate)> = Vec::new();
+        let known = map.manifold.uncertainty_from(query, f64::INFINITY);
+        let own = map.pose(query);
+        let mut query_signature = None;
+        for patch in map.manifold.patches() {
+            let Some(belief) = known[patch.id.index()] else { continue };
+            let here = patch.island_from_patch.between(&own);
+            let Some(vague) = self.may_overlap(&here, &belief) else { continue };
+            let rank = if vague {
+                if patch.id.0 + SETTLED_PATCHES > query.0 {
+                    continue;
+                }
+                let look =
+                    query_signature.get_or_insert_with(|| signature_of(query, map, &self.limits));
+                let limits = &self.limits;
+                let entry = self.signatures.entry(patch.id);
+                100.0 + entry.or_insert_with(|| signature_of(patch.id, map, limits)).distance(look)
+            } else {
+                here.norm() + here.yaw.abs()
+            };
+            let patch_from_query = GaussianPose2 { mean: here, ..belief.inverse() };
+            found.push((rank, Candidate { patch: patch.id, patch_from_query, by_look: vague }));
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.patch.cmp(&b.1.patch)));
+        self.spaced(found.into_iter().map(|f| f.1), map)
+    }
+
+    /// `None` when a patch is known to be elsewhere, or known well enough to be in the local submap;
+    /// else whether the belief is too vague for the search box.
+    fn may_overlap(&self, here: &Pose2, belief: &GaussianPose2) -> Option<bool> {
+        let s = &self.settings;
+        let sigma = (belief.covariance[(0, 0)] + belief.covariance[(1, 1)]).sqrt();
+        let precise = 1.96 * sigma < self.limits.translation_m
+            && 1.96 * belief.covariance[(2, 2)].sqrt() < self.limits.rotation_rad;
+        let apart = here.norm() - s.reach_m > s.sigmas * sigma;
+        (!precise && !apart).then_some(s.sigmas * sigma > s.window_m)
+    }
+
+    fn spaced(&self, found: impl Iterator<Item = Candidate>, map: &Map) -> Vec<Candidate> {
+        let mut chosen: Vec<Candidate> = Vec::new();
+        for candidate in found {
+            let here = map.pose(candidate.patch);
+            let apart = |c: &Candidate| map.pose(c.patch).distance(&here) > self.settings.spacing_m;
+            if chosen.iter().all(apart) {
+                chosen.push(candidate);
+            }
+            if chosen.len() >= self.settings.candidates {
+                break;
+            }
+        }
+        chosen
+    }
+}

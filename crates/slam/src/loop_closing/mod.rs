@@ -1,0 +1,185 @@
+//! Loop closing by geometry: candidates from the uncertainty of the pose and from the look of the place,
+//! searched by branch and bound, verified, and accepted only in sets that agree with one another.
+
+mod candidates;
+mod consistency;
+mod signature;
+mod verification;
+
+use crate::map::Map;
+use candidates::Candidates;
+use consistency::PendingClosures;
+use geometry::Pose2;
+use manifold::{PatchId, SubmapLimits};
+use matching::{FastMatcher, FieldSettings, MatchResult};
+use serde::{Deserialize, Serialize};
+use verification::Verifier;
+
+/// Loop closing by geometry.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ClosingSettings {
+    /// Look for closures.
+    pub enabled: bool,
+    /// Distance driven between two searches, metres.
+    pub every_m: f64,
+    /// Candidates are looked for within this many standard deviations.
+    pub sigmas: f64,
+    /// Patches whose origins lie this far apart may see the same place, metres.
+    pub reach_m: f64,
+    /// Candidates verified per search.
+    pub candidates: usize,
+    /// Candidates of one search lie at least this far apart, metres.
+    pub spacing_m: f64,
+    /// Half width of the search box, metres; beyond it candidates are chosen by the look of the place.
+    pub window_m: f64,
+    /// Likelihood a grid pose must reach in the branch-and-bound search.
+    pub min_score: f32,
+    /// Smallest share of the query's surroundings that must fit after refinement.
+    pub share: f64,
+    /// A rival pose that fits this share of the best one's fit makes the match ambiguous.
+    pub rival: f64,
+    /// Largest share of sight lines that may pass through walls of the candidate's submap.
+    pub seen_through: f64,
+    /// Closures that must agree with a new one that moves the map.
+    pub support: usize,
+}
+
+impl Default for ClosingSettings {
+    fn default() -> Self {
+        ClosingSettings {
+            enabled: true,
+            every_m: 1.0,
+            sigmas: 3.0,
+            reach_m: 3.0,
+            candidates: 2,
+            spacing_m: 3.0,
+            window_m: 4.0,
+            min_score: 0.4,
+            share: 0.55,
+            rival: 0.92,
+            seen_through: 0.2,
+            support: 2,
+        }
+    }
+}
+
+/// A verified closure: the query patch seen from the candidate patch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Closure {
+    pub from: PatchId,
+    pub to: PatchId,
+    /// `from_from_to`.
+    pub result: MatchResult,
+    /// How far the closure would move the robot, seen from where it was believed to be.
+    pub shift: Pose2,
+    /// Squared Mahalanobis distance from what was believed.
+    pub surprise: f64,
+}
+
+/// Why a candidate did not become a closure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rejection {
+    /// No pose in the search box scored enough.
+    NotFound,
+    /// Two distinct poses fit about equally well.
+    Ambiguous,
+    /// The best pose does not fit well enough after refinement.
+    PoorFit,
+    /// The query saw through walls of the candidate's submap.
+    SeenThrough,
+    /// No consistent set of closures formed around it.
+    Unsupported,
+}
+
+/// How many candidates were tried and what became of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ClosingStatistics {
+    /// Candidates verified.
+    pub tried: usize,
+    /// Closures accepted.
+    pub accepted: usize,
+    /// Closures retracted after acceptance.
+    pub retracted: usize,
+    /// Rejections by reason.
+    pub not_found: usize,
+    /// See [`Rejection::Ambiguous`].
+    pub ambiguous: usize,
+    /// See [`Rejection::PoorFit`].
+    pub poor_fit: usize,
+    /// See [`Rejection::SeenThrough`].
+    pub seen_through: usize,
+    /// See [`Rejection::Unsupported`].
+    pub unsupported: usize,
+}
+
+impl ClosingStatistics {
+    fn count(&mut self, rejection: Rejection) {
+        *match rejection {
+            Rejection::NotFound => &mut self.not_found,
+            Rejection::Ambiguous => &mut self.ambiguous,
+            Rejection::PoorFit => &mut self.poor_fit,
+            Rejection::SeenThrough => &mut self.seen_through,
+            Rejection::Unsupported => &mut self.unsupported,
+        } += 1;
+    }
+}
+
+/// Finds loops from new patches.
+pub(crate) struct LoopCloser {
+    settings: ClosingSettings,
+    candidates: Candidates,
+    verifier: Verifier,
+    pending: PendingClosures,
+    last_query: Option<Pose2>,
+    pub statistics: ClosingStatistics,
+}
+
+impl LoopCloser {
+    pub fn new(
+        settings: ClosingSettings,
+        limits: SubmapLimits,
+        field: FieldSettings,
+        matcher: FastMatcher,
+    ) -> Self {
+        LoopCloser {
+            settings,
+            candidates: Candidates::new(settings, limits),
+            verifier: Verifier::new(settings, limits, field, matcher),
+            pending: PendingClosures::new(settings.support),
+            last_query: None,
+            statistics: ClosingStatistics::default(),
+        }
+    }
+
+    /// The closures that a new patch completes: verified, and each in a consistent set.
+    pub fn search(&mut self, query: PatchId, map: &Map) -> Vec<Closure> {
+        let pose = map.pose(query);
+        let near = |last: Pose2| last.distance(&pose) < self.settings.every_m;
+        if !self.settings.enabled || self.last_query.is_some_and(near) {
+            return Vec::new();
+        }
+        self.last_query = Some(pose);
+        let mut accepted = Vec::new();
+        for candidate in self.candidates.of(query, map) {
+            self.statistics.tried += 1;
+            match self.verifier.verify(query, &candidate, map) {
+                Ok(closure) => accepted.extend(self.pending.offer(closure, map)),
+                Err(rejection) => self.statistics.count(rejection),
+            }
+        }
+        for _ in 0..self.pending.expire(query, 200) {
+            self.statistics.count(Rejection::Unsupported);
+        }
+        self.statistics.accepted += accepted.len();
+        accepted
+    }
+
+    /// Gives up on closures that are still waiting for support.
+    pub fn finish(&mut self) {
+        for _ in 0..self.pending.expire(PatchId(u32::MAX), 0) {
+            self.statistics.count(Rejection::Unsupported);
+        }
+    }
+}

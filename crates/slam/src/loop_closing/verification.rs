@@ -1,0 +1,161 @@
+use super::candidates::Candidate;
+use super::{ClosingSettings, Closure, Rejection};
+use crate::active_submap::ActiveSubmap;
+use crate::map::Map;
+use geometry::{GaussianPose2, Pose2, Vector2};
+use manifold::{PatchId, SubmapLimits};
+use matching::{
+    FastMatcher, FieldSettings, LikelihoodPyramid, LikelihoodSettings, LinePoint, MatchResult,
+    Prior, SearchSettings, SearchWindow,
+};
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+/// Compares the surroundings of a query with a candidate's local submap.
+pub(crate) struct Verifier {
+    settings: ClosingSettings,
+    limits: SubmapLimits,
+    matcher: FastMatcher,
+    submap: ActiveSubmap,
+}
+
+/// Candidates taken from branch and bound to refinement, to see whether one stands out.
+const RIVALS: usize = 3;
+/// Points of the query's surroundings are thinned to one in a square of this side, metres.
+const THINNING_M: f32 = 0.2;
+
+impl Verifier {
+    pub fn new(
+        settings: ClosingSettings,
+        limits: SubmapLimits,
+        field: FieldSettings,
+        matcher: FastMatcher,
+    ) -> Self {
+        Verifier { settings, limits, matcher, submap: ActiveSubmap::new(field) }
+    }
+
+    /// Finds the query in the candidate's submap, or says why not.
+    pub fn verify(
+        &mut self,
+        query: PatchId,
+        candidate: &Candidate,
+        map: &Map,
+    ) -> Result<Closure, Rejection> {
+        self.submap.rebuild(map, candidate.patch, &self.limits, 1.0);
+        let surroundings = self.surroundings(query, map);
+        let found = self.search(&surroundings, candidate, map);
+        if found.is_empty() {
+            return Err(Rejection::NotFound);
+        }
+        let mut fits: Vec<MatchResult> =
+            found.iter().map(|pose| self.refine(&surroundings, pose)).collect();
+        fits.sort_by(|a, b| b.inlier_ratio.total_cmp(&a.inlier_ratio));
+        let best = fits[0];
+        let own_share = self.matcher.conclude(&self.submap.field, map.surface(query), best.pose, 0);
+        if !best.status.is_usable()
+            || best.inlier_ratio < self.settings.share
+            || own_share.inlier_ratio < self.settings.share
+        {
+            return Err(Rejection::PoorFit);
+        }
+        let distinct = |m: &MatchResult| {
+            let d = best.pose.between(&m.pose);
+            d.norm() > 0.4 || d.yaw.abs() > 0.2
+        };
+        let rival = self.settings.rival * best.inlier_ratio;
+        if fits[1..].iter().any(|m| m.inlier_ratio > rival && distinct(m)) {
+            return Err(Rejection::Ambiguous);
+        }
+        if self.seen_through(query, &best.pose, map) > self.settings.seen_through {
+            return Err(Rejection::SeenThrough);
+        }
+        Ok(closure(query, candidate, best))
+    }
+
+    /// Line points of the query's own local submap, thinned, in the query's frame.
+    fn surroundings(&self, query: PatchId, map: &Map) -> Vec<LinePoint> {
+        let limits = SubmapLimits { distance_m: 5.0, patches: 12, ..self.limits };
+        let own = map.pose(query);
+        let mut taken = BTreeMap::new();
+        for member in map.manifold.local_submap(query, &limits) {
+            let pose = own.between(&map.pose(member.patch));
+            let mover = LinePoint::mover(&pose);
+            for p in map.surface(member.patch) {
+                let moved = mover(p);
+                let key = |v: f32| (v / THINNING_M).floor() as i32;
+                taken.entry((key(moved.x), key(moved.y))).or_insert(moved);
+            }
+        }
+        taken.into_values().collect()
+    }
+
+    /// Grid poses of the query in the candidate's frame by branch and bound, best first.
+    fn search(&self, surroundings: &[LinePoint], candidate: &Candidate, map: &Map) -> Vec<Pose2> {
+        let s = &self.settings;
+        let belief = &candidate.patch_from_query;
+        let half = |i: usize| s.sigmas * belief.covariance[(i, i)].sqrt();
+        let window = if candidate.by_look {
+            let centre = Pose2::new(0.0, 0.0, belief.mean.yaw);
+            let half_yaw_rad = half(2).clamp(0.3, PI);
+            SearchWindow { centre, half_x_m: s.reach_m, half_y_m: s.reach_m, half_yaw_rad }
+        } else {
+            // The covariance is in the query's frame; a square box holds it in any other.
+            let half_m = half(0).max(half(1)).clamp(0.4, s.window_m);
+            let half_yaw_rad = half(2).clamp(0.1, PI);
+            SearchWindow { centre: belief.mean, half_x_m: half_m, half_y_m: half_m, half_yaw_rad }
+        };
+        let points: Vec<Vector2<f32>> =
+            surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
+        let reference = self.submap.members.iter().flat_map(|(patch, pose)| {
+            let mover = LinePoint::mover(pose);
+            map.surface(*patch).iter().map(move |p| {
+                let moved = mover(p);
+                Vector2::new(moved.x.into(), moved.y.into())
+            })
+        });
+        let grid =
+            LikelihoodSettings { cell_m: 0.1, sigma_m: 0.12, ..LikelihoodSettings::default() };
+        let pyramid = LikelihoodPyramid::from_points(reference, &grid);
+        let settings = SearchSettings {
+            min_score: s.min_score,
+            candidates: RIVALS,
+            max_windows: 100_000,
+            ..SearchSettings::default()
+        };
+        let outcome = pyramid.search_many(&points, &window, &settings);
+        outcome.candidates.iter().map(|c| c.pose).collect()
+    }
+
+    fn refine(&self, surroundings: &[LinePoint], pose: &Pose2) -> MatchResult {
+        self.matcher.align(&self.submap.field, surroundings, &Prior::guess(*pose))
+    }
+
+    /// Share of the query's sight lines that pass through a wall of the candidate's submap.
+    fn seen_through(&self, query: PatchId, pose: &Pose2, map: &Map) -> f64 {
+        let patch = map.manifold.patch(query);
+        let laser = (*pose * patch.base_from_laser).translation().cast::<f32>();
+        let (mut lines, mut blocked) = (0usize, 0usize);
+        let mover = LinePoint::mover(pose);
+        for p in map.surface(query).iter().step_by(3).map(mover) {
+            let end = Vector2::new(p.x, p.y);
+            let range = (end - laser).norm();
+            if range < 1.0 {
+                continue;
+            }
+            let short = laser + (end - laser) * ((range - 0.5) / range);
+            lines += 1;
+            blocked +=
+                usize::from(self.submap.field.blocks((laser.x, laser.y), (short.x, short.y)));
+        }
+        blocked as f64 / lines.max(1) as f64
+    }
+}
+
+fn closure(query: PatchId, candidate: &Candidate, result: MatchResult) -> Closure {
+    let belief = &candidate.patch_from_query;
+    let shift = belief.mean.between(&result.pose);
+    let covariance = belief.covariance + result.covariance;
+    let predicted = GaussianPose2 { mean: belief.mean, covariance };
+    let surprise = predicted.mahalanobis_squared(&result.pose).unwrap_or(f64::INFINITY);
+    Closure { from: candidate.patch, to: query, result, shift, surprise }
+}

@@ -1,0 +1,25 @@
+use geometry::{GaussianPose2, Pose2};
+use manifold::{Manifold, PatchId};
+use matching::LinePoint;
+
+/// The manifold with what the pipeline derives from its scans and remembers of its making.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Map {
+    pub manifold: Manifold,
+    /// Line points of every patch, in the patch's frame.
+    pub surfaces: Vec<Vec<LinePoint>>,
+    /// Odometry between successive patches of a robot, `(earlier, later, earlier_from_later)`.
+    pub odometry: Vec<(PatchId, PatchId, GaussianPose2)>,
+}
+
+impl Map {
+    /// Present pose of a patch in its island.
+    pub fn pose(&self, patch: PatchId) -> Pose2 {
+        self.manifold.patch(patch).island_from_patch
+    }
+
+    /// Line points of a patch.
+    pub fn surface(&self, patch: PatchId) -> &[LinePoint] {
+        &self.surfaces[patch.index()]
+    }
+}
