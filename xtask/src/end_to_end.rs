@@ -179,7 +179,11 @@ fn usage_cases(scratch: &Scratch) -> Result<Vec<Case>> {
         case(&["map", &good, "-o", &below_file], &[1], "good.clf"),
         case(&["optimize", &absent, "-o", &output], &[1], "absent.g2o"),
         case(&["optimize", &garbage, "-o", &output], &[1, 3], "garbage.g2o"),
-        case(&["render", &absent, "-o", &format!("{output}.png")], &[1], "absent.g2o"),
+        case(
+            &["render", &absent, "--log", &good, "-o", &format!("{output}.png")],
+            &[1],
+            "absent.g2o",
+        ),
         case(&["eval", "ate"], &[2], ""),
     ])
 }
@@ -192,7 +196,9 @@ fn words(words: &[&str]) -> Vec<String> {
 fn objection(program: &Path, case: &Case) -> Result<Option<String>> {
     let output = Command::new(program).args(&case.arguments).output().context("manifoldslam")?;
     let code = output.status.code().unwrap_or(-1);
-    let message = String::from_utf8_lossy(&output.stderr);
+    // Errors go to standard error; what was lost of a log also stands in the report on standard output.
+    let mut message = String::from_utf8_lossy(&output.stderr).into_owned();
+    message.push_str(&String::from_utf8_lossy(&output.stdout));
     let left = case.result.as_ref().filter(|result| code == 1 && result.exists());
     let problem = if !case.codes.contains(&code) {
         format!("exit code {code}, not one of {:?}", case.codes)

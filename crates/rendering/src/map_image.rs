@@ -61,7 +61,7 @@ impl Default for Annotations<'_> {
 }
 
 /// Small maps are enlarged until their longer side has about this many pixels.
-const PAGE_PX: usize = 900;
+const PAGE_PX: usize = 1400;
 /// Most pixels of an image; zoom is given up before they are exceeded.
 const MAX_PIXELS: usize = 1 << 28;
 
