@@ -127,7 +127,7 @@ impl Report {
                 self.body.push_str("<table class=\"values\">");
                 for (name, value) in fields {
                     self.body.push_str("<tr>");
-                    self.cell("th", &name.replace('_', " "));
+                    self.cell("th", &label(name));
                     self.value_cell(value, depth);
                     self.body.push_str("</tr>\n");
                 }
@@ -155,7 +155,7 @@ impl Report {
             }
         }
         self.body.push_str("<table><thead><tr>");
-        columns.iter().for_each(|name| self.cell("th", &name.replace('_', " ")));
+        columns.iter().for_each(|name| self.cell("th", &label(name)));
         self.body.push_str("</tr></thead><tbody>\n");
         for item in items {
             self.body.push_str("<tr>");
@@ -202,6 +202,23 @@ fn layers(annotations: &Annotations) -> String {
     layer(yes > 0, "accepted", Ink::Accepted, &format!("{yes} closures accepted"));
     layer(no > 0, "rejected", Ink::Rejected, &format!("{no} closures rejected"));
     html
+}
+
+/// A field's name as people write it: `duration_secs` becomes `duration, s`.
+fn label(name: &str) -> String {
+    let units = [
+        ("_m", "m"),
+        ("_rad", "rad"),
+        ("_deg", "\u{b0}"),
+        ("_secs", "s"),
+        ("_hz", "Hz"),
+        ("_mib", "MiB"),
+    ];
+    let unit = units.iter().find_map(|(end, unit)| Some((name.strip_suffix(end)?, unit)));
+    match unit {
+        Some((quantity, unit)) => format!("{}, {unit}", quantity.replace('_', " ")),
+        None => name.replace('_', " "),
+    }
 }
 
 /// A scalar as people write it; figures are cut to six digits.

@@ -155,7 +155,7 @@ fn reports_are_whole_safe_and_alone() {
         deep = json!({ "in": [deep] });
     }
     report.values(&json!({
-        "time_s": { "front end": 1.234_567_891, "<tag>": null },
+        "time_secs": { "front end": 1.234_567_891, "<tag>": null },
         "closures": [{ "a": 1, "b": "<i>" }, { "a": 2, "c": true }],
         "plain": [1, 2.5, "three"],
         "deep": deep,
@@ -170,5 +170,6 @@ fn reports_are_whole_safe_and_alone() {
     assert!(hosts.into_iter().all(|h| h.starts_with("://www.w3.org/2000/s")), "only name spaces");
     assert!(html.contains("data:image/png;base64,iVBORw0KGgo"));
     assert!(html.contains("<td class=\"number\">1.23457</td>"), "six digits");
+    assert!(html.contains("<th>time, s</th>"), "units");
     assert!(html.contains("1 closures rejected"));
 }
