@@ -33,6 +33,7 @@
 mod canvas;
 mod contour;
 mod counts;
+mod decision;
 mod error;
 mod font;
 mod frame;
