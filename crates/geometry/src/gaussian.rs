@@ -27,7 +27,7 @@ impl<G: LieGroup<D>, const D: usize> Gaussian<G, D> {
     ///
     /// This is how uncertainty grows along a path of relations.
     pub fn compose(&self, other: &Self) -> Self {
-        let ad = other.mean.inverse().adjoint();
+        let ad = other.mean.inverse_adjoint();
         Gaussian {
             mean: self.mean.compose(&other.mean),
             covariance: ad * self.covariance * ad.transpose() + other.covariance,

@@ -21,6 +21,16 @@ pub trait LieGroup<const D: usize>: Copy + PartialEq + std::fmt::Debug + Send + 
     fn adjoint(&self) -> SMatrix<f64, D, D>;
     /// Inverse of the right Jacobian: `log(exp(v) * exp(d)) ~ v + Jr^-1(v) d`.
     fn right_jacobian_inverse(tangent: &SVector<f64, D>) -> SMatrix<f64, D, D>;
+    /// [`LieGroup::log`] and, at it, [`LieGroup::right_jacobian_inverse`]: together where that
+    /// saves work.
+    fn log_with_jacobian(&self) -> (SVector<f64, D>, SMatrix<f64, D, D>) {
+        let log = self.log();
+        (log, Self::right_jacobian_inverse(&log))
+    }
+    /// `Ad` of the inverse.
+    fn inverse_adjoint(&self) -> SMatrix<f64, D, D> {
+        self.inverse().adjoint()
+    }
     /// True when every coordinate is finite.
     fn is_finite(&self) -> bool;
 

@@ -79,6 +79,34 @@ impl Pose2 {
         Vector3::new(self.x, self.y, self.yaw)
     }
 
+    /// `c = (w/2) cot(w/2)` and `(1 - c) / w^2`.
+    #[inline]
+    fn half_cotangent(w: f64) -> (f64, f64) {
+        let w2 = w * w;
+        if w.abs() < 1e-2 {
+            let k = 1.0 / 12.0 + w2 / 720.0 + w2 * w2 / 30240.0;
+            (1.0 - k * w2, k)
+        } else {
+            let (s, c) = (0.5 * w).sin_cos();
+            let cotangent = 0.5 * w * c / s;
+            (cotangent, (1.0 - cotangent) / w2)
+        }
+    }
+
+    /// The logarithm: the translation times the inverse of `V`, `[[c, w/2], [-w/2, c]]`.
+    #[inline]
+    fn log_from(&self, c: f64) -> Vector3<f64> {
+        let h = 0.5 * self.yaw;
+        Vector3::new(c * self.x + h * self.y, c * self.y - h * self.x, self.yaw)
+    }
+
+    #[inline]
+    fn jacobian_from(tangent: &Vector3<f64>, k: f64) -> Matrix3<f64> {
+        let (x, y, w) = (tangent.x, tangent.y, tangent.z);
+        let (h, d) = (0.5 * w, 1.0 - k * w * w);
+        Matrix3::new(d, -h, 0.5 * y + k * w * x, h, d, k * w * y - 0.5 * x, 0.0, 0.0, 1.0)
+    }
+
     /// `sin(yaw)/yaw` and `(1 - cos(yaw))/yaw`, the entries of SE(2)'s `V` matrix.
     #[inline]
     fn v_entries(yaw: f64) -> (f64, f64) {
@@ -127,10 +155,7 @@ impl LieGroup<3> for Pose2 {
 
     #[inline]
     fn log(&self) -> Vector3<f64> {
-        let (a, b) = Self::v_entries(self.yaw);
-        let d = a * a + b * b;
-        let (x, y) = (self.x, self.y);
-        Vector3::new((a * x + b * y) / d, (-b * x + a * y) / d, self.yaw)
+        self.log_from(Self::half_cotangent(self.yaw).0)
     }
 
     /// Sola et al. 2018, eq. (159).
@@ -140,18 +165,24 @@ impl LieGroup<3> for Pose2 {
         Matrix3::new(c, -s, self.y, s, c, -self.x, 0.0, 0.0, 1.0)
     }
 
-    /// `Jr^-1(v) = I + ad(v)/2 + k ad(v)^2`, with `k = 1/w^2 - (1 + cos w)/(2 w sin w)`.
+    /// `Jr^-1(v) = I + ad(v)/2 + k ad(v)^2`, with `k = (1 - (w/2) cot(w/2)) / w^2`.
     #[inline]
     fn right_jacobian_inverse(tangent: &Vector3<f64>) -> Matrix3<f64> {
-        let w = tangent.z;
-        let (x, y) = (tangent.x, tangent.y);
-        let ad = Matrix3::new(0.0, -w, y, w, 0.0, -x, 0.0, 0.0, 0.0);
-        let k = if w.abs() < 1e-3 {
-            1.0 / 12.0 + w * w / 720.0
-        } else {
-            1.0 / (w * w) - (0.5 * w).cos() / (2.0 * w * (0.5 * w).sin())
-        };
-        Matrix3::identity() + ad * 0.5 + ad * ad * k
+        Self::jacobian_from(tangent, Self::half_cotangent(tangent.z).1)
+    }
+
+    #[inline]
+    fn log_with_jacobian(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        let (c, k) = Self::half_cotangent(self.yaw);
+        let log = self.log_from(c);
+        (log, Self::jacobian_from(&log, k))
+    }
+
+    #[inline]
+    fn inverse_adjoint(&self) -> Matrix3<f64> {
+        let (s, c) = self.yaw.sin_cos();
+        let (x, y) = (self.x, self.y);
+        Matrix3::new(c, s, s * x - c * y, -s, c, c * x + s * y, 0.0, 0.0, 1.0)
     }
 
     #[inline]

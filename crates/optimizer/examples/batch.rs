@@ -1,46 +1,59 @@
-//! Optimises g2o files from their own start and prints time, cost and error.
+//! Optimises g2o files from their own start: time, cost, and error against truth where it is known.
 //!
-//! `cargo run --release -p manifoldslam-optimizer --example batch -- REPEATS GRAPH.g2o...`
-//! A file `GRAPH.truth.txt` beside a graph (iSAM edges) is used as ground truth.
+//! `cargo run --release -p manifoldslam-optimizer --example batch -- GRAPH.g2o... [--out DIR]`
+//!
+//! Times are CPU time (Linux; wall time elsewhere) from the graph in memory on, and cover the symbolic analysis and all iterations.
+//! Ground truth is looked for beside a graph, in `GRAPH.truth.txt` (iSAM edges; the odometry edges
+//! are chained). One line per graph is printed, which `bench/optimizer/compare.py` reads; with
+//! `--out` the optimised graphs are written as well.
 
-use logs::g2o::{Graph, open_g2o};
+mod common;
+
+use common::{CpuClock, ate, poses, truth};
+use logs::g2o::{Graph, open_g2o, write_g2o};
 use manifoldslam_optimizer::{Optimizer, Settings};
-use std::time::Instant;
+use std::path::{Path, PathBuf};
 
-fn main() {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let (mut graphs, mut out) = (vec![], None);
     let mut args = std::env::args().skip(1);
-    let repeats: usize = args.next().and_then(|a| a.parse().ok()).unwrap_or(1);
-    for path in args {
-        let file = open_g2o(path.as_ref()).expect("readable");
-        let Graph::Plane(start) = file.graph else { continue };
-        println!(
-            "{path}: {} nodes {} edges chi2 {} unplaced {} dropped {}",
-            start.nodes().len(),
-            start.edges().len(),
-            start.chi2(),
-            file.unplaced,
-            file.dropped_count
-        );
-        for _ in 0..repeats {
-            let mut graph = start.clone();
-            let mut opt = Optimizer::new();
-            let t = Instant::now();
-            let report = opt.optimize(&mut graph, &Settings::default()).expect("ok");
-            let t1 = t.elapsed();
-            let mut g2 = start.clone();
-            let t = Instant::now();
-            opt.optimize(&mut g2, &Settings::default()).expect("ok");
-            let t2 = t.elapsed();
-            println!(
-                "cold {:?} warm structure {:?} iterations {} {:?} cost {} -> {} chi2/2 {}",
-                t1,
-                t2,
-                report.iterations,
-                report.status,
-                report.initial_cost,
-                report.final_cost,
-                graph.chi2() / 2.0
-            );
-        }
+    while let Some(arg) = args.next() {
+        if arg == "--out" { out = args.next().map(PathBuf::from) } else { graphs.push(arg) }
     }
+    for path in graphs {
+        run(Path::new(&path), out.as_deref())?;
+    }
+    Ok(())
+}
+
+fn run(path: &Path, out: Option<&Path>) -> Result<(), Box<dyn std::error::Error>> {
+    let Graph::Plane(start) = open_g2o(path)?.graph else {
+        return Err("only SE(2) graphs are measured".into());
+    };
+    let (mut graph, mut again) = (start.clone(), start.clone());
+    let mut optimizer = Optimizer::new();
+    let clock = CpuClock::start();
+    let report = optimizer.optimize(&mut graph, &Settings::default())?;
+    let cold = clock.elapsed_ms();
+    let clock = CpuClock::start();
+    optimizer.optimize(&mut again, &Settings::default())?;
+    let warm = clock.elapsed_ms();
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    print!(
+        "{name} cold_ms {:.3} warm_ms {:.3} iterations {} start_chi2 {} chi2 {}",
+        cold,
+        warm,
+        report.iterations,
+        report.initial_cost,
+        graph.chi2(),
+    );
+    match truth(path) {
+        Some(truth) => println!(" ate_m {:.6}", ate(&truth, &poses(&graph))),
+        None => println!(),
+    }
+    if let Some(folder) = out {
+        let file = std::fs::File::create(folder.join(format!("{name}.g2o")))?;
+        write_g2o(std::io::BufWriter::new(file), &graph)?;
+    }
+    Ok(())
 }

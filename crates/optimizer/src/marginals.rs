@@ -34,7 +34,7 @@ impl<G: LieGroup<D>, const D: usize> Marginals<G, D> {
     pub fn relative(&self, a: u64, b: u64) -> Option<Gaussian<G, D>> {
         let (a, b) = (self.place(a)?, self.place(b)?);
         let mean = self.poses[a].between(&self.poses[b]);
-        let ad = mean.inverse().adjoint();
+        let ad = mean.inverse_adjoint();
         let cross = ad * self.block(a, b);
         let covariance =
             self.block(b, b) + ad * self.block(a, a) * ad.transpose() - cross - cross.transpose();

@@ -226,8 +226,7 @@ fn linearize<G: LieGroup<D>, const D: usize>(
     for (index, term) in terms.iter().enumerate() {
         let [from, to] = term.ends;
         let estimated = poses[from as usize].between(&poses[to as usize]);
-        let error = term.to_from_from.compose(&estimated).log();
-        let jacobian = G::right_jacobian_inverse(&error);
+        let (error, jacobian) = term.to_from_from.compose(&estimated).log_with_jacobian();
         let squared = (term.information * error).dot(&error);
         cost += term.weight * term.kernel.cost(squared);
         let weight = term.weight * term.kernel.weight(squared);
@@ -236,7 +235,7 @@ fn linearize<G: LieGroup<D>, const D: usize>(
         }
         let weighted = jacobian.transpose() * (term.information * weight);
         let (h_to, g_to) = (weighted * jacobian, weighted * error);
-        let minus_adjoint = -estimated.inverse().adjoint();
+        let minus_adjoint = -estimated.inverse_adjoint();
         let h_from_to = minus_adjoint.transpose() * h_to;
         let [p, q] = term.positions;
         system.add_node(q, &h_to, &g_to);

@@ -72,7 +72,7 @@ pub fn optimize_robust<G: LieGroup<D>, const D: usize>(
         copy_poses(graph, &skeleton);
     }
     let mut optimizer = Optimizer::new();
-    let mut model = Alternative { closures, volume, gate: settings.inlier_chi2, scale: 1.0 };
+    let mut model = Alternative { volume, gate: settings.inlier_chi2, scale: 1.0 };
     let mut withdrawn = vec![false; inliers.len()];
     let mut round = 0;
     loop {

@@ -84,7 +84,7 @@ impl<G: LieGroup<D>, const D: usize> Spine<G, D> {
         }
         let common = self.common_ancestor(a, b) as usize;
         let sum = self.sum[i] + self.sum[j] - self.sum[common] * 2.0;
-        let ad = self.pose[j].inverse().adjoint();
+        let ad = self.pose[j].inverse_adjoint();
         let mean = self.pose[i].between(&self.pose[j]);
         Some(Gaussian { mean, covariance: ad * sum * ad.transpose() })
     }

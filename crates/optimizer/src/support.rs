@@ -14,8 +14,6 @@ const EXPECTED_WRONG: f64 = 0.1;
 
 /// What the closures of a graph look like as a whole.
 pub(crate) struct Alternative {
-    /// Number of closures.
-    pub closures: usize,
     /// Volume over which the residuals of wrong closures spread.
     pub volume: f64,
     /// Squared Mahalanobis distance beyond which a closure is refused.

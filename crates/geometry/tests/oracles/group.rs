@@ -22,6 +22,10 @@ fn laws<G: LieGroup<D>, const D: usize>(u: SVector<f64, D>, v: SVector<f64, D>) 
     // a exp(v) = exp(Ad v) a
     let moved = G::exp(&(a.adjoint() * v)).compose(&a);
     assert!(close(&a.compose(&b), &moved, 1e-8 * (1.0 + u.norm() * v.norm())));
+    let together = a.log_with_jacobian();
+    assert!((together.0 - a.log()).norm() < 1e-12);
+    assert!((together.1 - G::right_jacobian_inverse(&a.log())).norm() < 1e-9);
+    assert!((a.inverse_adjoint() * a.adjoint() - SMatrix::identity()).norm() < 1e-9);
     jacobian(u);
 }
 
