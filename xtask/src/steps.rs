@@ -72,7 +72,6 @@ fn clippy(run: &mut Run) -> Result<()> {
         "--workspace",
         "--all-targets",
         "--locked",
-        "--quiet",
         "--",
         "-D",
         "warnings",
@@ -84,6 +83,6 @@ fn build(_: &mut Run) -> Result<()> {
 }
 
 fn doc(_: &mut Run) -> Result<()> {
-    let arguments = ["doc", "--release", "--workspace", "--no-deps", "--locked", "--quiet"];
+    let arguments = ["doc", "--release", "--workspace", "--no-deps", "--locked"];
     cargo::run_with(&arguments, &[("RUSTDOCFLAGS", "-D warnings")])
 }
