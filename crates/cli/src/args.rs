@@ -105,6 +105,7 @@ pub struct MapArgs {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:\n  \
     manifoldslam optimize M3500.g2o -o better.g2o\n  \
+    manifoldslam optimize --robust doubtful.g2o -o better.g2o\n  \
     manifoldslam optimize --kernel dcs --scale 9 doubtful.g2o -o better.g2o")]
 pub struct OptimizeArgs {
     /// Pose graph to read, in the plane or in space
@@ -113,6 +114,9 @@ pub struct OptimizeArgs {
     /// Pose graph to write
     #[arg(long, short, value_name = "OUT.g2o")]
     pub output: PathBuf,
+    /// Find out which loop closures are wrong and leave them out
+    #[arg(long, conflicts_with_all = ["kernel", "spanning_tree"])]
+    pub robust: bool,
     /// Robust kernel on loop closures
     #[arg(long, value_enum, default_value = "none")]
     pub kernel: KernelName,

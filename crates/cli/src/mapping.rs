@@ -7,7 +7,9 @@ use geometry::{Matrix3, Pose2};
 use logs::ReadReport;
 use manifold::{Manifold, Provenance};
 use optimizer::{Edge, EdgeKind, PoseGraph};
-use slam::Mapper;
+use slam::{Mapper, Stage, StageObserver};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Scans between two looks at the progress bar.
@@ -31,25 +33,49 @@ pub struct MappedLog {
     pub times: MappingTimes,
 }
 
-/// Time spent, wall clock.
-#[derive(Clone, Copy, Debug, Default)]
+/// Wall-clock time spent.
+#[derive(Clone, Debug, Default)]
 pub struct MappingTimes {
     /// The reading thread at work, beside the mapping.
     pub reading: Duration,
-    /// Scan after scan, waiting for the reader included.
-    pub mapping: Duration,
-    /// The global pass at the end.
-    pub finishing: Duration,
+    /// The mapping waiting for the reader.
+    pub waiting: Duration,
+    /// The stages of the mapping.
+    pub stages: BTreeMap<Stage, Duration>,
+}
+
+/// Measures the stages of a pipeline, which reads no clock itself.
+#[derive(Clone, Debug, Default)]
+struct StageClock {
+    times: Arc<Mutex<BTreeMap<Stage, Duration>>>,
+    began: Option<Instant>,
+}
+
+impl StageObserver for StageClock {
+    fn begin(&mut self, _: Stage) {
+        self.began = Some(Instant::now());
+    }
+
+    fn end(&mut self, stage: Stage) {
+        let spent = self.began.map(|began| began.elapsed()).unwrap_or_default();
+        if let Ok(mut times) = self.times.lock() {
+            *times.entry(stage).or_default() += spent;
+        }
+    }
 }
 
 /// Maps a log of `size` bytes (0 where unknown) while it is being read.
 pub fn map_log(reading: Reading, size: u64, config: &Config, global: &Global) -> Result<MappedLog> {
     let bar = progress(global, size, "mapping {wide_bar} {percent:>3} % {msg} {eta}");
-    let mut mapper = Mapper::new(config.slam);
+    let clock = StageClock::default();
+    let mut mapper = Mapper::observed(config.slam, Box::new(clock.clone()));
     let (mut stamps, mut patch_scans) = (Vec::new(), Vec::new());
     let (mut first, mut last) = (i64::MAX, i64::MIN);
-    let start = Instant::now();
-    for record in reading.records() {
+    let (mut waiting, mut records) = (Duration::ZERO, reading.records());
+    loop {
+        let asked = Instant::now();
+        let Some(record) = records.next() else { break };
+        waiting += asked.elapsed();
         first = first.min(record.observation.stamp.0);
         last = last.max(record.observation.stamp.0);
         let patches = mapper.manifold().patches().len();
@@ -64,15 +90,15 @@ pub fn map_log(reading: Reading, size: u64, config: &Config, global: &Global) ->
             bar.set_message(format!("{} scans", stamps.len()));
         }
     }
-    let mapping = start.elapsed();
+    drop(records);
     let (report, reading) = reading.finish()?;
     bar.set_message("global pass");
     if stamps.is_empty() {
         bail!("no scan could be read{}", first_problems(&report));
     }
-    let start = Instant::now();
     mapper.finish();
-    let times = MappingTimes { reading, mapping, finishing: start.elapsed() };
+    let stages = clock.times.lock().map(|times| times.clone()).unwrap_or_default();
+    let times = MappingTimes { reading, waiting, stages };
     bar.finish_and_clear();
     let poses = mapper.trajectory();
     let duration_secs = (last - first) as f64 * 1e-9;

@@ -1,7 +1,7 @@
 use crate::mapping::{MappedLog, path_length};
 use crate::terminal::{counted, grouped};
-use manifold::Provenance;
 use serde::Serialize;
+use slam::Statistics;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -14,8 +14,8 @@ pub struct Metrics {
     pub log: LogMetrics,
     /// The map.
     pub map: MapMetrics,
-    /// Wall-clock seconds by stage.
-    pub times_secs: Times,
+    /// Wall-clock seconds by stage; `reading` runs beside the others, `waiting` is for the reader.
+    pub times_secs: BTreeMap<String, f64>,
     /// Log seconds mapped in one second.
     pub times_real_time: f64,
     /// Worker threads.
@@ -54,46 +54,18 @@ pub struct LogMetrics {
 /// What was made of it.
 #[derive(Debug, Serialize)]
 pub struct MapMetrics {
-    /// Patches.
-    pub patches: usize,
+    /// What the pipeline counted: patches, closures tried, accepted and rejected by reason, and more.
+    pub counts: Statistics,
     /// Connected maps.
     pub islands: usize,
     /// Relations that hold, by provenance.
     pub relations: BTreeMap<String, usize>,
-    /// Loop closures.
-    pub closures: Closures,
     /// Length of the path, metres.
     pub path_m: f64,
     /// Side of a cell of the drawn map, metres.
     pub resolution_m: f64,
     /// Cells of the drawn map, along x and y.
     pub cells: [usize; 2],
-}
-
-/// Loop closures by fate.
-#[derive(Debug, Serialize)]
-pub struct Closures {
-    /// Candidates searched.
-    pub tried: usize,
-    /// Closures that hold.
-    pub accepted: usize,
-    /// Closures taken back.
-    pub retracted: usize,
-}
-
-/// Wall-clock seconds by stage.
-#[derive(Debug, Default, Serialize)]
-pub struct Times {
-    /// Reading and decompressing, on a thread beside the mapping.
-    pub reading: f64,
-    /// Scan after scan.
-    pub mapping: f64,
-    /// The global pass.
-    pub finishing: f64,
-    /// Casting and drawing.
-    pub rendering: f64,
-    /// Everything up to here, from the start of the run.
-    pub total: f64,
 }
 
 impl Metrics {
@@ -105,18 +77,22 @@ impl Metrics {
         rendering: Duration,
         total: Duration,
     ) -> Self {
-        let secs = |d: Duration| (d.as_secs_f64() * 1e6).round() * 1e-6;
+        let mut times = BTreeMap::new();
+        let mut tell = |name: String, time: Duration| {
+            times.insert(name, (time.as_secs_f64() * 1e6).round() / 1e6);
+        };
+        tell("reading".into(), mapped.times.reading);
+        tell("waiting".into(), mapped.times.waiting);
+        for (stage, time) in &mapped.times.stages {
+            tell(name_in_files(stage), *time);
+        }
+        tell("rendering".into(), rendering);
+        tell("total".into(), total);
         Metrics {
             version: env!("CARGO_PKG_VERSION"),
             log: LogMetrics::new(file, mapped),
             map: MapMetrics::new(mapped, frame),
-            times_secs: Times {
-                reading: secs(mapped.times.reading),
-                mapping: secs(mapped.times.mapping),
-                finishing: secs(mapped.times.finishing),
-                rendering: secs(rendering),
-                total: secs(total),
-            },
+            times_secs: times,
             times_real_time: mapped.duration_secs / total.as_secs_f64().max(1e-9),
             threads: rayon::current_num_threads(),
             peak_memory_mib: peak_memory_mib(),
@@ -127,15 +103,15 @@ impl Metrics {
     pub fn to_text(&self) -> String {
         let (log, map) = (&self.log, &self.map);
         let mut text = format!(
-            "{}: {}, {:.0} m, {:.0} s of log\n  {}, {} of {} accepted\n  {:.2} s ({}x real time)",
+            "{}: {}, {:.0} m, {:.0} s of log\n  {} patches, {} of {} accepted\n  {:.2} s ({}x real time)",
             log.file,
             counted(log.scans, "scan"),
             map.path_m,
             log.duration_secs,
-            counted(map.patches as u64, "patch").replace("patchs", "patches"),
-            grouped(map.closures.accepted as u64),
-            counted(map.closures.tried as u64, "closure"),
-            self.times_secs.total,
+            grouped(map.counts.patches as u64),
+            grouped(map.counts.closures.accepted as u64),
+            counted(map.counts.closures.tried as u64, "closure"),
+            self.times_secs.get("total").copied().unwrap_or_default(),
             grouped(self.times_real_time.round() as u64),
         );
         if let Some(peak) = self.peak_memory_mib {
@@ -175,22 +151,12 @@ impl MapMetrics {
         let manifold = mapped.mapper.manifold();
         let mut relations = BTreeMap::new();
         for relation in manifold.active_relations() {
-            *relations.entry(provenance_name(relation.provenance)).or_default() += 1;
+            *relations.entry(name_in_files(&relation.provenance)).or_default() += 1;
         }
-        let retracted = manifold.relations().iter().filter(|r| r.retracted).count();
-        let closures = Closures {
-            tried: mapped.mapper.tried(),
-            accepted: relations
-                .get(&provenance_name(Provenance::LoopClosure))
-                .copied()
-                .unwrap_or(0),
-            retracted,
-        };
         MapMetrics {
-            patches: manifold.patches().len(),
+            counts: mapped.mapper.statistics(),
             islands: manifold.islands().len(),
             relations,
-            closures,
             path_m: path_length(&mapped.poses),
             resolution_m: frame.resolution_m,
             cells: [frame.width, frame.height],
@@ -198,11 +164,11 @@ impl MapMetrics {
     }
 }
 
-/// The name a provenance has in files.
-fn provenance_name(provenance: Provenance) -> String {
-    match serde_json::to_value(provenance) {
+/// The name a stage or provenance has in files.
+fn name_in_files(value: &(impl Serialize + std::fmt::Debug)) -> String {
+    match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,
-        _ => format!("{provenance:?}"),
+        _ => format!("{value:?}"),
     }
 }
 

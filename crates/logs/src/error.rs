@@ -62,7 +62,11 @@ impl DroppedLine {
 
 impl fmt::Display for DroppedLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: {}", self.line, self.problem())
+        write!(f, "line {}", self.line)?;
+        match self.field {
+            Some(field) => write!(f, ", field {field}: {}", self.reason),
+            None => write!(f, ": {}", self.reason),
+        }
     }
 }
 

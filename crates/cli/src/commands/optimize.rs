@@ -5,7 +5,8 @@ use crate::terminal::{counted, print};
 use anyhow::{Context, Result, bail};
 use logs::g2o::{G2oPose, Graph, open_g2o, write_g2o};
 use optimizer::{
-    Kernel, Method, PoseGraph, RobustScope, Settings, Status, initialize_spanning_tree, optimize,
+    Kernel, Method, PoseGraph, RobustScope, RobustSettings, Settings, Status,
+    initialize_spanning_tree, optimize, optimize_robust,
 };
 use serde::Serialize;
 use std::time::Instant;
@@ -49,7 +50,8 @@ pub fn run(args: &OptimizeArgs, global: &Global) -> Result<Outcome> {
     );
     if summary.rejected_edges > 0 {
         let rejected = counted(summary.rejected_edges as u64, "edge");
-        text.push_str(&format!("{rejected} given less than a tenth of its weight\n"));
+        let fate = if args.robust { "left out" } else { "given less than a tenth of its weight" };
+        text.push_str(&format!("{rejected} {fate}\n"));
     }
     for line in file.dropped.iter().take(5) {
         text.push_str(&format!("LOST: {line}\n"));
@@ -73,23 +75,37 @@ fn solve<G: G2oPose<D>, const D: usize>(
     if args.spanning_tree {
         initialize_spanning_tree(&mut graph, |_| false);
     }
-    let report = optimize(&mut graph, &settings(args)).context("cannot optimise the graph")?;
+    let settings = settings(args);
+    let (report, believed) = if args.robust {
+        let robust = RobustSettings { last: settings, ..RobustSettings::new(D) };
+        let found = optimize_robust(&mut graph, &robust).context("cannot optimise the graph")?;
+        (found.report, Some(found.inliers))
+    } else {
+        (optimize(&mut graph, &settings).context("cannot optimise the graph")?, None)
+    };
     let secs = start.elapsed().as_secs_f64();
     let status = match report.status {
         Status::Converged => "converged",
         Status::IterationLimit => "stopped at the limit on iterations",
         Status::Stalled => "no further step helps",
     };
+    let edges = graph.edges().len();
+    if let Some(believed) = &believed {
+        graph = graph.filtered(|edge| believed[edge]);
+    }
     let summary = Summary {
         nodes: graph.nodes().len(),
-        edges: graph.edges().len(),
+        edges,
         unplaced_nodes: 0,
         dropped_lines: 0,
         initial_cost: report.initial_cost,
         final_cost: report.final_cost,
         iterations: report.iterations,
         status: status.to_owned(),
-        rejected_edges: report.weights.iter().filter(|&&w| w < 0.1).count(),
+        rejected_edges: match &believed {
+            Some(believed) => believed.iter().filter(|&&b| !b).count(),
+            None => report.weights.iter().filter(|&&w| w < 0.1).count(),
+        },
         secs,
     };
     let mut bytes = Vec::new();

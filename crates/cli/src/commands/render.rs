@@ -9,12 +9,13 @@ use crate::result_folder::METRICS;
 use crate::terminal::{counted, print};
 use anyhow::{Context, Result, bail};
 use geometry::{Pose2, wrap_angle};
+use logs::g2o::{Graph, open_g2o};
 use logs::{LogFile, TumPose, open_tum};
 use rendering::{
     Annotations, OccupancyGrid, ScanView, Trajectory, map_png, map_svg, ros_map_pgm, ros_map_yaml,
 };
 use sensing::Scan;
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// Scans closer than this to the one drawn before add nothing, metres and radians.
@@ -115,7 +116,8 @@ struct Source {
     poses: Vec<TumPose>,
     log: PathBuf,
     config: Config,
-    patch_scans: Option<HashSet<usize>>,
+    /// Poses of the patches by the index of their scan.
+    patches: Option<HashMap<usize, Pose2>>,
 }
 
 impl Source {
@@ -128,7 +130,7 @@ impl Source {
         };
         let name = args.source.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let poses = open_tum(&args.source)?;
-        Ok(Source { name, poses, log, config: Config::default(), patch_scans: None })
+        Ok(Source { name, poses, log, config: Config::default(), patches: None })
     }
 
     fn of_folder(folder: &Path, log: Option<PathBuf>) -> Result<Self> {
@@ -147,13 +149,8 @@ impl Source {
         let name = crate::commands::map::stem(&told.unwrap_or_else(|| log.clone()));
         let poses = open_tum(&folder.join(format!("{name}.tum")))?;
         let config = Config::parse(&read("config.toml")?, "config.toml")?;
-        let patch_scans = read("patches.csv")?
-            .lines()
-            .skip(1)
-            .map(|line| line.split(',').nth(1)?.parse().ok())
-            .collect::<Option<HashSet<usize>>>()
-            .with_context(|| format!("{}: not as written", folder.join("patches.csv").display()))?;
-        Ok(Source { name, poses, log, config, patch_scans: Some(patch_scans) })
+        let patches = Some(read_patches(folder, &read("patches.csv")?)?);
+        Ok(Source { name, poses, log, config, patches })
     }
 
     /// The scans to draw with their lasers' poses, and whether the log lost some.
@@ -172,21 +169,40 @@ impl Source {
                     record.line
                 );
             };
-            let map_from_base = pose.pose;
-            let apart = last.is_none_or(|last| {
-                last.distance(&map_from_base) >= APART_M
-                    || wrap_angle(last.yaw - map_from_base.yaw).abs() >= APART_RAD
-            });
-            let wanted = self.patch_scans.as_ref().map_or(apart, |patches| patches.contains(&i));
-            if wanted || all {
-                last = Some(map_from_base);
-                let seen = record.observation;
-                scans.push((map_from_base * seen.base_from_laser, seen.scan));
-            }
+            let map_from_base = match &self.patches {
+                Some(patches) if !all => patches.get(&i).copied(),
+                _ => Some(pose.pose).filter(|pose| all || is_apart(last, pose)),
+            };
+            let Some(map_from_base) = map_from_base else { continue };
+            last = Some(map_from_base);
+            let seen = record.observation;
+            scans.push((map_from_base * seen.base_from_laser, seen.scan));
         }
         if count != self.poses.len() {
             bail!("{} has {count} scans, the trajectory {}", self.log.display(), self.poses.len());
         }
         Ok((scans, reading.finish()?.0.is_lossy()))
     }
+}
+
+/// The patches' poses from the graph, by the index of the scan each patch was made of.
+fn read_patches(folder: &Path, csv: &str) -> Result<HashMap<usize, Pose2>> {
+    let Graph::Plane(graph) = open_g2o(&folder.join("graph.g2o"))?.graph else {
+        bail!("{}: not in the plane", folder.join("graph.g2o").display());
+    };
+    let parse = |line: &str| {
+        let mut fields = line.split(',');
+        let patch = fields.next()?.parse().ok()?;
+        Some((fields.next()?.parse().ok()?, *graph.pose(patch)?))
+    };
+    csv.lines().skip(1).map(parse).collect::<Option<_>>().with_context(|| {
+        format!("{}: does not fit graph.g2o", folder.join("patches.csv").display())
+    })
+}
+
+/// True when a pose is far enough from the last one drawn to add something.
+fn is_apart(last: Option<Pose2>, pose: &Pose2) -> bool {
+    last.is_none_or(|last| {
+        last.distance(pose) >= APART_M || wrap_angle(last.yaw - pose.yaw).abs() >= APART_RAD
+    })
 }
