@@ -114,9 +114,11 @@ fn main() {
         let tm = std::sync::Arc::new(std::sync::Mutex::new(Default::default()));
         let t0 = Instant::now();
         let mut m = Mapper::observed(config, Box::new(Timer { open: vec![], sum: tm.clone() }));
-        for o in obs {
-            m.step(o);
-        }
+        let reference: Vec<Pose2> = std::env::var("REF").ok().and_then(|d| std::fs::read_to_string(format!("{d}/{name}.traj")).ok()).map(|t| t.lines().map(|l| { let v: Vec<f64>=l.split(' ').map(|x| x.parse().unwrap()).collect(); Pose2::new(v[1],v[2],v[3]) }).collect()).unwrap_or_default();
+        let mut scan_of: Vec<usize> = vec![]; let (mut wrong, mut total) = (0, 0);
+        for (i,o) in obs.into_iter().enumerate() { for e in m.step(o) { if let Event::Map(c)=e { match c { manifold::Change::PatchAdded(_) => scan_of.push(i), manifold::Change::RelationAdded(r) if r.provenance==manifold::Provenance::LoopClosure && !reference.is_empty() => {
+            let (a,b)=(scan_of[r.from.index()],scan_of[r.to.index()]); let t=reference[a].between(&reference[b]); let e=t.between(&r.from_from_to.mean); total+=1; let bad=e.norm()>0.3||e.yaw.abs()>0.1; if bad {wrong+=1;} if bad||std::env::var("VC").is_ok() { println!("  closure {a}->{b} err {:.2} {:.3} sig {:.3} {:.3} {:.4}", e.norm(), e.yaw, r.from_from_to.covariance[(0,0)].sqrt(), r.from_from_to.covariance[(1,1)].sqrt(), r.from_from_to.covariance[(2,2)].sqrt()); } } _=>{} } } } }
+        if total>0 { println!("  closures {total} wrong {wrong}"); }
         let dt = t0.elapsed().as_secs_f64();
         println!(
             "{name:10} front {:.3}s patches {} {}",

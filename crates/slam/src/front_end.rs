@@ -19,6 +19,8 @@ pub(crate) struct FrontEnd {
     last_patch: Option<PatchId>,
     /// Odometry since the last patch: motion, distance driven, angle turned.
     since_patch: Option<(Pose2, f64, f64)>,
+    /// Covariance added by disagreement of odometry and matches since the last patch.
+    doubt: Matrix3<f64>,
 }
 
 /// Where a scan was localised.
@@ -43,6 +45,7 @@ impl FrontEnd {
             last_motion: Pose2::IDENTITY,
             last_patch: None,
             since_patch: None,
+            doubt: Matrix3::zeros(),
         }
     }
 
@@ -64,6 +67,7 @@ impl FrontEnd {
             result = self.recover(scan, &prior, result);
         }
         let pose = if result.status.is_usable() { result.pose } else { prior.pose };
+        self.note_disagreement(&prior.pose.between(&pose), &motion, &result, poor);
         self.last_motion = self.anchor_from_base.between(&pose);
         self.anchor_from_base = pose;
         let (patch, patch_from_base, is_patch) = if self.must_extend(&result) {
@@ -142,6 +146,34 @@ impl FrontEnd {
         }
     }
 
+    /// Odometry and a match that contradict each other: where the match is not decisive, or was only found
+    /// from another start, either may be wrong. The next relation is doubted by as much as they differ, so
+    /// that loop closing looks around there.
+    fn note_disagreement(
+        &mut self,
+        difference: &Pose2,
+        motion: &GaussianPose2,
+        result: &MatchResult,
+        recovered: bool,
+    ) {
+        let predicted = GaussianPose2 { mean: Pose2::IDENTITY, ..*motion };
+        let distance2 = predicted.mahalanobis_squared(difference).unwrap_or(0.0);
+        if distance2 < DISAGREEMENT_SIGMAS * DISAGREEMENT_SIGMAS {
+            return;
+        }
+        let mut doubted = difference.coordinates();
+        if !recovered {
+            let matched = result.covariance * self.config.match_correlation;
+            let decisive = Vector3::from(DECISIVE_STD);
+            let decisive = Matrix3::from_diagonal(&decisive.component_mul(&decisive));
+            let inverse = (matched + decisive).try_inverse().unwrap_or_else(Matrix3::zeros);
+            doubted = matched * inverse * doubted;
+        }
+        let reach2 = doubted.xy().norm_squared();
+        let turn2 = doubted.z * doubted.z;
+        self.doubt += Matrix3::from_diagonal(&Vector3::new(reach2, reach2, turn2));
+    }
+
     /// Tries other starting points when the fit from the prior is poor: odometry may have slipped,
     /// frozen or jumped. Turns are tried in growing rings, and the first ring with a good fit wins:
     /// indoors a wrong turn of 90 or 180 degrees often fits as well as the right small one.
@@ -195,7 +227,8 @@ impl FrontEnd {
         let from_from_to = anchor_from_from.between(&self.anchor_from_base);
         let pose = map.pose(from) * from_from_to;
         let patch = add_patch(observation, scan, pose, map);
-        let covariance = self.config.relation_covariance(&result.covariance, Some(motion));
+        let covariance =
+            self.config.relation_covariance(&result.covariance, Some(motion)) + self.doubt;
         let relation = GaussianPose2 { mean: from_from_to, covariance };
         map.manifold.relate(from, patch, relation, Provenance::Sequential);
         self.submap.push(patch, self.anchor_from_base, scan);
@@ -207,13 +240,20 @@ impl FrontEnd {
 
     fn note_odometry(&mut self, last: PatchId, patch: PatchId, map: &mut Map) {
         if let Some((motion, distance, turn)) = self.since_patch {
-            let gaussian = self.config.odometry.gaussian_along(motion, distance, turn);
+            let mut gaussian = self.config.odometry.gaussian_along(motion, distance, turn);
+            gaussian.covariance += self.doubt;
             map.odometry.push((last, patch, gaussian));
         }
         self.last_patch = Some(patch);
         self.since_patch = Some((Pose2::IDENTITY, 0.0, 0.0));
+        self.doubt = Matrix3::zeros();
     }
 }
+
+/// A match this good settles where the robot is, whatever odometry says: metres, metres, radians.
+const DECISIVE_STD: [f64; 3] = [0.05, 0.05, 0.02];
+/// Odometry and match contradict each other beyond this many standard deviations of the motion model.
+const DISAGREEMENT_SIGMAS: f64 = 4.0;
 
 fn add_patch(observation: Observation, scan: &[LinePoint], pose: Pose2, map: &mut Map) -> PatchId {
     map.surfaces.push(scan.to_vec());

@@ -22,8 +22,8 @@ pub(crate) struct Candidates {
     signatures: BTreeMap<PatchId, Signature>,
 }
 
-/// Patches whose signatures are compared are this much older than the query, so that their
-/// surroundings are complete.
+/// Candidates are this many patches away from the query, so that they are places left and met again, with
+/// surroundings that are complete; overlaps nearer by are the refit's business.
 const SETTLED_PATCHES: u32 = 30;
 
 impl Candidates {
@@ -40,13 +40,13 @@ impl Candidates {
         let own = map.pose(query);
         let mut query_signature = None;
         for patch in map.manifold.patches() {
+            if patch.id.0.abs_diff(query.0) < SETTLED_PATCHES {
+                continue;
+            }
             let Some(belief) = known[patch.id.index()] else { continue };
             let here = patch.island_from_patch.between(&own);
             let Some(vague) = self.may_overlap(&here, &belief) else { continue };
             let rank = if vague {
-                if patch.id.0 + SETTLED_PATCHES > query.0 {
-                    continue;
-                }
                 let look =
                     query_signature.get_or_insert_with(|| signature_of(query, map, &self.limits));
                 let limits = &self.limits;
@@ -77,7 +77,10 @@ impl Candidates {
         let mut chosen: Vec<Candidate> = Vec::new();
         for candidate in found {
             let here = map.pose(candidate.patch);
-            let apart = |c: &Candidate| map.pose(c.patch).distance(&here) > self.settings.spacing_m;
+            let apart = |c: &Candidate| {
+                map.pose(c.patch).distance(&here) > self.settings.spacing_m
+                    || c.patch.0.abs_diff(candidate.patch.0) > SETTLED_PATCHES
+            };
             if chosen.iter().all(apart) {
                 chosen.push(candidate);
             }

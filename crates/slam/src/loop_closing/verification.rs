@@ -22,7 +22,7 @@ pub(crate) struct Verifier {
 /// Candidates taken from branch and bound to refinement, to see whether one stands out.
 const RIVALS: usize = 3;
 /// Points of the query's surroundings are thinned to one in a square of this side, metres.
-const THINNING_M: f32 = 0.2;
+const THINNING_M: f32 = 0.3;
 
 impl Verifier {
     pub fn new(
@@ -119,7 +119,7 @@ impl Verifier {
         let settings = SearchSettings {
             min_score: s.min_score,
             candidates: RIVALS,
-            max_windows: 100_000,
+            max_windows: 20_000,
             ..SearchSettings::default()
         };
         let outcome = pyramid.search_many(&points, &window, &settings);
