@@ -5,19 +5,38 @@
 //! of view) and answers with a [`MatchResult`]: pose, covariance, inlier ratio, status. A weak match is
 //! a value, never an error.
 
+mod bound;
+mod branch_and_bound;
 mod cloud;
+mod correlative;
 mod fast;
+mod field_matcher;
 mod likelihood;
 mod line_fit;
+mod line_points;
 mod matcher;
+mod neighbours;
+mod normal_equations;
 mod projection;
+mod registry;
 mod search;
 mod surfel_field;
+mod wide;
+mod wsm;
 
+pub use bound::{cramer_rao_bound, fisher_information};
+pub use branch_and_bound::BranchAndBoundMatcher;
 pub use cloud::{CloudPoint, PointCloud, PointCloudSettings};
+pub use correlative::CorrelativeMatcher;
 pub use fast::{FastMatcher, FastSettings};
 pub use line_fit::{LineFit, LineFitSettings, fit_lines};
+pub use field_matcher::FieldMatcher;
 pub use likelihood::{LikelihoodPyramid, LikelihoodSettings};
 pub use matcher::{MatchResult, MatchStatus, Matcher, Prior};
+pub use neighbours::NeighbourTree;
+pub use registry::{MATCHER_NAMES, matcher};
 pub use search::{Candidate, SearchOutcome, SearchSettings, SearchWindow};
-pub use surfel_field::{BeamNoise, FieldSettings, LinePoint, SurfelField, line_points};
+pub use line_points::{BeamNoise, LineExtractor, LinePoint};
+pub use surfel_field::{FieldSettings, SurfelField};
+pub use wide::WideSettings;
+pub use wsm::{WsmCovariance, WsmMatcher, WsmSettings};

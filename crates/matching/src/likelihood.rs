@@ -213,7 +213,10 @@ fn window_maximum(level: &[u8], size: usize, stride: usize) -> Vec<u8> {
 }
 
 /// The finite points within a square of side `extent` around the median.
-fn within_extent(points: impl IntoIterator<Item = Vector2<f64>>, extent: f64) -> Vec<Vector2<f64>> {
+pub(crate) fn within_extent(
+    points: impl IntoIterator<Item = Vector2<f64>>,
+    extent: f64,
+) -> Vec<Vector2<f64>> {
     let mut points: Vec<_> =
         points.into_iter().filter(|p| p.x.is_finite() && p.y.is_finite()).collect();
     let (lo, hi) = bounds(&points);

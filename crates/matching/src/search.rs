@@ -157,16 +157,16 @@ impl PartialOrd for Node {
 /// cells with a single yaw while there are `2^h / 4` times fewer of them: worth it from `h = 3` on.
 const MERGE_LEVEL: u8 = 3;
 
-struct Search<'a> {
-    projections: Projections<'a>,
+pub(crate) struct Search<'a> {
+    pub projections: Projections<'a>,
     settings: &'a SearchSettings,
     window: &'a SearchWindow,
     cell: f64,
     points: usize,
     /// Cells from the centre to the window's edges.
-    reach: (i32, i32),
+    pub reach: (i32, i32),
     /// Windows whose bound is not above this are dropped.
-    floor: u32,
+    pub floor: u32,
     heap: BinaryHeap<Node>,
     windows: usize,
 }
@@ -176,7 +176,7 @@ impl<'a> Search<'a> {
     const MAX_REACH: f64 = 5000.0;
 
     /// `None` when there is nothing to search.
-    fn new(
+    pub fn new(
         pyramid: &'a LikelihoodPyramid,
         points: &[Vector2<f32>],
         window: &'a SearchWindow,
@@ -305,7 +305,7 @@ impl<'a> Search<'a> {
         children
     }
 
-    fn candidate(&self, node: &Node) -> Candidate {
+    pub fn candidate(&self, node: &Node) -> Candidate {
         let centre = &self.window.centre;
         Candidate {
             pose: Pose2::new(

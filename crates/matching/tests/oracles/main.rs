@@ -1,4 +1,7 @@
 //! Oracles for the matchers: laws, brute force, known truth.
 
+mod bound;
+mod calibration;
+mod laws;
 mod rooms;
 mod search;

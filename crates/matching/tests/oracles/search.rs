@@ -155,3 +155,17 @@ fn empty_and_garbage_input_finds_nothing_or_something_finite() {
         }
     }
 }
+
+#[test]
+fn two_levels_find_the_exhaustive_optimum() {
+    for seed in 50..58 {
+        let pair = pair(seed, 0.3, 15.0);
+        let pyramid =
+            LikelihoodPyramid::build(&cloud(&pair.reference), &LikelihoodSettings::default());
+        let scan = points(&cloud(&pair.scan), 9);
+        let window = window(Pose2::new(0.2, -0.1, 0.1), 0.7, 10.0);
+        let exact = pyramid.search_exhaustively(&scan, &window).unwrap();
+        let found = pyramid.search_two_levels(&scan, &window, 0.1).unwrap();
+        assert_eq!(exact.score, found.score, "seed {seed}");
+    }
+}

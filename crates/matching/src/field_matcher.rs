@@ -1,0 +1,68 @@
+use crate::likelihood::within_extent;
+use crate::wsm::error_model::weighted_points;
+use crate::{
+    FastMatcher, FieldSettings, LinePoint, MatchResult, MatchStatus, Matcher, PointCloud, Prior,
+    SurfelField, WsmSettings,
+};
+use geometry::{Matrix3, Pose2, Vector2, Vector3};
+
+/// The fast matcher behind the common trait: builds the surfel field anew for every match.
+///
+/// For comparisons and tests. The pipeline keeps its field incrementally and calls [`FastMatcher`]
+/// itself, which is what makes it fast.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FieldMatcher {
+    /// The fast matcher's settings.
+    pub matcher: FastMatcher,
+    /// The field's settings.
+    pub field: FieldSettings,
+    /// The error model of the points.
+    pub error: WsmSettings,
+}
+
+impl FieldMatcher {
+    /// Fields are not larger than this, metres; farther reference points are left out.
+    const EXTENT: f64 = 120.0;
+
+    fn line_points(&self, cloud: &PointCloud) -> Vec<LinePoint> {
+        let points = weighted_points(cloud, &self.error);
+        let lines = points.iter().filter_map(|p| {
+            let surface = p.surface?;
+            let normal = surface.normal;
+            Some(LinePoint {
+                x: p.position.x as f32,
+                y: p.position.y as f32,
+                nx: normal.x as f32,
+                ny: normal.y as f32,
+                variance: normal.dot(&(p.noise * normal)).max(1e-6) as f32,
+                normal_variance: surface.variance as f32,
+            })
+        });
+        lines.collect()
+    }
+}
+
+impl Matcher for FieldMatcher {
+    fn name(&self) -> &'static str {
+        "fast"
+    }
+
+    fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
+        let (reference, scan) = (self.line_points(reference), self.line_points(scan));
+        let positions = reference.iter().map(|p| Vector2::new(p.x, p.y).cast::<f64>());
+        let positions = within_extent(positions, Self::EXTENT);
+        let Some(first) = positions.first().filter(|_| !scan.is_empty()) else {
+            let covariance = Matrix3::from_diagonal(&Vector3::new(1e6, 1e6, 1e2));
+            let status = MatchStatus::TooFewPoints;
+            let (pose, inlier_ratio, iterations) = (prior.pose, 0.0, 0);
+            return MatchResult { pose, covariance, inlier_ratio, iterations, status };
+        };
+        let (lo, hi) =
+            positions.iter().fold((*first, *first), |(lo, hi), p| (lo.inf(p), hi.sup(p)));
+        let margin = f64::from(self.field.reach_m + self.field.cell_m);
+        let (lo, hi) = (lo.add_scalar(-margin), hi.add_scalar(margin));
+        let mut field = SurfelField::new(self.field, (lo.x, lo.y), (hi.x, hi.y));
+        field.insert(&reference, &Pose2::IDENTITY);
+        self.matcher.align(&field, &scan, prior)
+    }
+}

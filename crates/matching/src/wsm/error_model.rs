@@ -1,0 +1,122 @@
+use super::WsmSettings;
+use crate::{CloudPoint, LineFitSettings, PointCloud, fit_lines};
+use geometry::{Matrix2, Vector2};
+use std::f64::consts::FRAC_PI_8;
+
+/// A cloud point with the error model of the Weighted Scan Matcher, in the cloud's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct WeightedPoint {
+    /// The measured position.
+    pub position: Vector2<f64>,
+    /// Where the ray meets the local line: what pairs are chosen by, see docs/math/wsm.md.
+    pub smoothed: Vector2<f64>,
+    /// Covariance of measurement noise and bias, m^2.
+    pub noise: Matrix2<f64>,
+    /// Variance of a neighbour's offset along the surface, m^2: the correspondence error.
+    pub spacing_variance: f64,
+    /// Distance to the neighbours along the surface, m.
+    pub spacing: f64,
+    /// The surface, where it is a line.
+    pub surface: Option<SurfaceLine>,
+}
+
+/// Direction of the local surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SurfaceLine {
+    /// Unit normal, towards the laser.
+    pub normal: Vector2<f64>,
+    /// Variance of its direction, rad^2.
+    pub variance: f64,
+}
+
+/// Most neighbours to each side that a surface's line is fitted to.
+const MAX_NEIGHBOURS: usize = 20;
+
+/// The error model of every point of a cloud.
+pub(crate) fn weighted_points(cloud: &PointCloud, settings: &WsmSettings) -> Vec<WeightedPoint> {
+    let usable: Vec<&CloudPoint> = cloud.points.iter().filter(|p| is_usable(p)).collect();
+    let hits: Vec<_> = usable.iter().map(|p| (p.position.x, p.position.y, p.range)).collect();
+    let starts_new: Vec<bool> = (0..usable.len())
+        .map(|i| i == 0 || usable[i].beam.wrapping_sub(usable[i - 1].beam).wrapping_sub(1) > 1)
+        .collect();
+    let defaults = LineFitSettings::default();
+    let lines = LineFitSettings {
+        length_m: settings.surface_length_m,
+        max_neighbours: MAX_NEIGHBOURS,
+        // Noise alone must not make a wall look bent.
+        straight_m: defaults.straight_m.max(2.0 * settings.range_std_m),
+        ..defaults
+    };
+    let fits = fit_lines(&hits, &starts_new, settings.range_std_m, &lines);
+    let fitted = usable.iter().zip(fits).map(|(point, fit)| {
+        let Some(fit) = fit else {
+            return weighted_point(point, point.position, None, settings);
+        };
+        let normal = Vector2::new(fit.normal.0, fit.normal.1);
+        let (normal, distance) = if normal.dot(&point.ray) > 0.0 {
+            (-normal, -fit.distance)
+        } else {
+            (normal, fit.distance)
+        };
+        let smoothed = drawn_onto_line(point, normal, distance);
+        let line = SurfaceLine { normal, variance: fit.normal_variance };
+        weighted_point(point, smoothed, Some(line), settings)
+    });
+    fitted.collect()
+}
+
+/// Where the point's ray meets its surface line.
+///
+/// Along the ray, not along the normal: the noise is along the ray, so this is where the beam really hit,
+/// while a foot of the perpendicular still carries the noise along the surface. Grazing rays are
+/// not moved farther than by a tenth of their range.
+fn drawn_onto_line(point: &CloudPoint, normal: Vector2<f64>, distance: f64) -> Vector2<f64> {
+    let cos = normal.dot(&point.ray);
+    let shift = if cos.abs() > 1e-3 { distance / cos } else { 0.0 };
+    let limit = 0.1 * point.range;
+    point.position - point.ray * shift.clamp(-limit, limit)
+}
+
+fn is_usable(p: &CloudPoint) -> bool {
+    let numbers = [p.position.x, p.position.y, p.range, p.ray.x, p.ray.y, p.beam_step];
+    numbers.iter().all(|v| v.is_finite() && v.abs() < 1e6) && p.range > 0.0
+}
+
+fn weighted_point(
+    point: &CloudPoint,
+    smoothed: Vector2<f64>,
+    surface: Option<SurfaceLine>,
+    settings: &WsmSettings,
+) -> WeightedPoint {
+    let (u, v) = (point.ray, Vector2::new(-point.ray.y, point.ray.x));
+    let along = settings.range_std_m.powi(2) + settings.range_bias_m.powi(2);
+    let across = (point.range * settings.bearing_std_rad).powi(2);
+    let noise = u * u.transpose() * along + v * v.transpose() * across;
+    let (spacing, spacing_variance) = sampling(point, surface.as_ref(), settings);
+    WeightedPoint { position: point.position, smoothed, noise, spacing_variance, spacing, surface }
+}
+
+/// Distance to the neighbouring samples along the surface, and the variance of the correspondence
+/// error: uniform between the neighbours before and behind,
+/// `(d_min^3 + d_max^3) / (3 (d_min + d_max))`, with
+/// `d = l sin(beta) / sin(alpha +- beta)`.
+///
+/// `alpha` is the angle between beam and surface, at least three beam steps (the formula has a pole at
+/// one); `beta` the beam step, halved where pairs are nearest neighbours, which are at most half a
+/// spacing away.
+fn sampling(
+    point: &CloudPoint,
+    surface: Option<&SurfaceLine>,
+    settings: &WsmSettings,
+) -> (f64, f64) {
+    let step = point.beam_step.abs().clamp(1e-5, 0.2);
+    let alpha = match surface {
+        Some(line) => line.normal.dot(&point.ray).abs().min(1.0).asin().max(3.0 * step),
+        None => FRAC_PI_8.max(3.0 * step),
+    };
+    let beta = if settings.half_spacing { 0.5 * step } else { step };
+    let near = point.range * beta.sin() / (alpha + beta).sin();
+    let far = point.range * beta.sin() / (alpha - beta).sin();
+    let variance = (near.powi(3) + far.powi(3)) / (3.0 * (near + far));
+    (point.range * step / alpha.sin(), variance)
+}

@@ -1,0 +1,105 @@
+//! Is WSM's covariance honest? Squared Mahalanobis errors (NEES) of many seeds against chi-square.
+
+use crate::rooms::cloud;
+use geometry::{LieGroup, Pose2};
+use manifoldslam_matching::{Matcher, Prior, WsmCovariance, WsmMatcher, WsmSettings};
+use synthetic::{LaserNoise, Scanner, noisy_room_pair};
+
+/// Median of the chi-square distribution with three degrees of freedom.
+const MEDIAN: f64 = 2.366;
+
+struct Statistics {
+    nees_median: f64,
+    nees_mean: f64,
+    error_median_m: f64,
+    failures: usize,
+}
+
+fn run(settings: WsmSettings, scanner: &Scanner, distance: f64, yaw_deg: f64) -> Statistics {
+    let matcher = WsmMatcher { settings };
+    let (mut nees, mut errors, mut failures) = (Vec::new(), Vec::new(), 0);
+    for seed in 1000..1300 {
+        let pair = noisy_room_pair(seed, scanner, distance, yaw_deg.to_radians());
+        let prior = Prior::guess(Pose2::IDENTITY);
+        let result = matcher.align(&cloud(&pair.reference), &cloud(&pair.scan), &prior);
+        let error = result.pose.between(&pair.truth()).log();
+        if !result.status.is_usable() || error.xy().norm() > 0.1 || error.z.abs() > 0.035 {
+            failures += 1;
+            continue;
+        }
+        let information = result.covariance.try_inverse().unwrap();
+        nees.push(error.dot(&(information * error)));
+        errors.push(error.xy().norm());
+    }
+    nees.sort_by(f64::total_cmp);
+    errors.sort_by(f64::total_cmp);
+    Statistics {
+        nees_median: nees[nees.len() / 2],
+        nees_mean: nees.iter().sum::<f64>() / nees.len() as f64,
+        error_median_m: errors[errors.len() / 2],
+        failures,
+    }
+}
+
+fn check(name: &str, range_std: f64, beams: u32, distance: f64, yaw_deg: f64) {
+    let scanner = Scanner::half_circle(beams, LaserNoise::gaussian(range_std));
+    let settings =
+        WsmSettings { range_std_m: range_std, bearing_std_rad: 0.0, ..WsmSettings::default() };
+    let s = run(settings, &scanner, distance, yaw_deg);
+    println!(
+        "{name}: NEES median {:.2} (expected {MEDIAN:.2}), mean {:.2} (3), error {:.2} mm, {} of 300 \
+         failed",
+        s.nees_median,
+        s.nees_mean,
+        1e3 * s.error_median_m,
+        s.failures
+    );
+    let ratio = s.nees_median / MEDIAN;
+    assert!((0.7..1.5).contains(&ratio), "{name}: median NEES is {ratio:.2} of its expectation");
+    assert!((0.6..1.8).contains(&(s.nees_mean / 3.0)), "{name}: mean NEES {}", s.nees_mean);
+    assert!(s.failures <= 15, "{name}: {} failures", s.failures);
+}
+
+#[test]
+fn covariance_is_honest_at_15_mm() {
+    check("15 mm, 361 beams, 0.3 m, 10 deg", 0.015, 361, 0.3, 10.0);
+}
+
+#[test]
+fn covariance_is_honest_at_5_mm() {
+    check("5 mm, 361 beams, 0.3 m, 10 deg", 0.005, 361, 0.3, 10.0);
+}
+
+#[test]
+fn covariance_is_honest_at_30_mm() {
+    check("30 mm, 361 beams, 0.3 m, 10 deg", 0.03, 361, 0.3, 10.0);
+}
+
+#[test]
+fn covariance_is_honest_with_few_beams() {
+    check("15 mm, 181 beams, 0.2 m, 5 deg", 0.015, 181, 0.2, 5.0);
+}
+
+#[test]
+fn covariance_is_honest_for_nearly_equal_poses() {
+    check("15 mm, 361 beams, 2 cm, 0.5 deg", 0.015, 361, 0.02, 0.5);
+}
+
+/// The reason for the correction: with the correspondence error at its true size, the published
+/// covariance takes the sampling of surfaces for knowledge of the position along them.
+#[test]
+fn the_published_covariance_is_optimistic_and_the_sandwich_is_not() {
+    let scanner = Scanner::half_circle(361, LaserNoise::gaussian(0.01));
+    let published = WsmSettings {
+        range_std_m: 0.01,
+        bearing_std_rad: 0.0,
+        corr_scale: 1.0,
+        covariance: WsmCovariance::Pairs,
+        ..WsmSettings::default()
+    };
+    let sandwich = WsmSettings { covariance: WsmCovariance::Sandwich, ..published };
+    let [published, sandwich] = [published, sandwich].map(|s| run(s, &scanner, 0.05, 1.0));
+    println!("published: {:.1}, sandwich: {:.1}", published.nees_median, sandwich.nees_median);
+    assert!(published.nees_median > 2.0 * MEDIAN, "{}", published.nees_median);
+    assert!(sandwich.nees_median < 0.6 * published.nees_median, "{}", sandwich.nees_median);
+}
