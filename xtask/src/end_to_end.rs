@@ -196,7 +196,7 @@ fn words(words: &[&str]) -> Vec<String> {
 fn objection(program: &Path, case: &Case) -> Result<Option<String>> {
     let output = Command::new(program).args(&case.arguments).output().context("manifoldslam")?;
     let code = output.status.code().unwrap_or(-1);
-    // Errors go to standard error; what was lost of a log also stands in the report on standard output.
+    // Errors go to standard error; what was lost of a log stands in the account on standard output.
     let mut message = String::from_utf8_lossy(&output.stderr).into_owned();
     message.push_str(&String::from_utf8_lossy(&output.stdout));
     let left = case.result.as_ref().filter(|result| code == 1 && result.exists());
