@@ -6,7 +6,7 @@ use geometry::LieGroup;
 use std::f64::consts::TAU;
 
 /// Least probability that a closure is right, for it to be taken in.
-const BELIEF: f64 = 0.99;
+const BELIEF: f64 = 0.998;
 
 /// Probability that a right closure is thrown out for contradicting the others: small beside one
 /// over the number of closures.

@@ -53,7 +53,7 @@ impl Cholesky {
         let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         let factor = vec![0.0; symbolic.len_val()];
         let memory = buffer(scratch)?;
-        let (supernodes, rows) = supernodes(&symbolic).ok_or(OptimizerError::Singular)?;
+        let (supernodes, rows) = supernodes(&symbolic);
         let mut supernode_of = vec![0; symbolic.nrows()];
         for (s, node) in supernodes.iter().enumerate() {
             supernode_of[node.start..node.start + node.columns].fill(s as u32);
@@ -241,9 +241,10 @@ impl<const D: usize> HalfSolution<D> {
 }
 
 /// The supernodes of a symbolic factorisation, and their row patterns one after the other.
-fn supernodes(symbolic: &SymbolicCholesky<usize>) -> Option<(Vec<Supernode>, Vec<u32>)> {
-    let SymbolicCholeskyRaw::Supernodal(raw) = symbolic.raw() else { return None };
+fn supernodes(symbolic: &SymbolicCholesky<usize>) -> (Vec<Supernode>, Vec<u32>) {
     let (mut supernodes, mut rows) = (vec![], vec![]);
+    // The empty matrix is the only one for which faer does not do as it was told.
+    let SymbolicCholeskyRaw::Supernodal(raw) = symbolic.raw() else { return (supernodes, rows) };
     for s in 0..raw.n_supernodes() {
         let (start, end) = (raw.supernode_begin()[s], raw.supernode_end()[s]);
         let first = rows.len();
@@ -253,7 +254,7 @@ fn supernodes(symbolic: &SymbolicCholesky<usize>) -> Option<(Vec<Supernode>, Vec
         let values = value..value + columns * (columns + rows.len() - first);
         supernodes.push(Supernode { start, columns, pattern: first..rows.len(), values });
     }
-    Some((supernodes, rows))
+    (supernodes, rows)
 }
 
 fn buffer(scratch: StackReq) -> Result<MemBuffer, OptimizerError> {

@@ -64,3 +64,4 @@ pub use marginals::Marginals;
 pub use optimizer::{Optimizer, optimize};
 pub use robust::{RobustReport, RobustSettings, optimize_robust};
 pub use settings::{Method, Report, RobustScope, Settings, Status};
+pub use spine::Spine;

@@ -13,11 +13,11 @@ const NONE: u32 = u32::MAX;
 /// `xi` of a node is the sum of `Ad(T_k) delta_k` over the edges from the root. So one sum per
 /// node gives the Gaussian between any two nodes of a tree at once.
 #[derive(Debug)]
-pub(crate) struct Spine<G, const D: usize> {
+pub struct Spine<G, const D: usize> {
     /// Place of each node in a depth-first walk; along a chain, neighbours are consecutive.
-    pub order: Vec<u32>,
+    pub(crate) order: Vec<u32>,
     /// Number of the tree each node belongs to.
-    pub tree: Vec<u32>,
+    tree: Vec<u32>,
     parent: Vec<u32>,
     /// A far ancestor: climbing by it takes logarithmic time (Myers 1983).
     jump: Vec<u32>,
@@ -73,16 +73,16 @@ impl<G: LieGroup<D>, const D: usize> Spine<G, D> {
         spine
     }
 
-    /// `a_from_b` along the tree; `None` between different trees.
-    pub fn relative(&self, a: u32, b: u32) -> Option<Gaussian<G, D>> {
-        let (i, j) = (a as usize, b as usize);
+    /// `a_from_b` along the tree, for node *indices*; `None` between different trees.
+    pub fn relative(&self, a: usize, b: usize) -> Option<Gaussian<G, D>> {
+        let (i, j) = (a, b);
         if self.tree[i] != self.tree[j] {
             return None;
         }
         if a == b {
             return Some(Gaussian::exact(G::identity()));
         }
-        let common = self.common_ancestor(a, b) as usize;
+        let common = self.common_ancestor(a as u32, b as u32) as usize;
         let sum = self.sum[i] + self.sum[j] - self.sum[common] * 2.0;
         let ad = self.pose[j].inverse_adjoint();
         let mean = self.pose[i].between(&self.pose[j]);

@@ -2,7 +2,6 @@ use crate::gate::{chi2_quantile, mahalanobis, poisson_tail};
 use crate::spine::{Spine, covariance_of};
 use crate::{EdgeKind, PoseGraph};
 use geometry::{Gaussian, LieGroup};
-use nalgebra::SMatrix;
 use std::f64::consts::PI;
 
 /// How far along the spine, in nodes, two closures may lie apart and still vouch for each other.
@@ -43,7 +42,9 @@ pub(crate) fn supported<G: LieGroup<D>, const D: usize>(
 ) -> (Vec<bool>, f64) {
     let candidates = candidates(graph, spine);
     let gate = chi2_quantile(D, 0.99);
-    let volume = alternative_volume(&candidates);
+    let gate_ball = ball_volume(D) * gate.powf(0.5 * D as f64);
+    let range = closure_range(&candidates);
+    let (mut ranges, mut pairs) = (0.0, 0.0);
     let (mut agreeing, mut expected) = (vec![0; candidates.len()], vec![0.0; candidates.len()]);
     for (a, first) in candidates.iter().enumerate() {
         let mut tests = 0;
@@ -55,12 +56,14 @@ pub(crate) fn supported<G: LieGroup<D>, const D: usize>(
                 continue;
             }
             tests += 1;
-            let Some((squared, box_volume)) = loop_test(spine, first, second) else { continue };
-            let chance =
-                (ball_volume(D) * gate.powf(0.5 * D as f64) * box_volume / volume).min(1.0);
+            let Some(test) = loop_test(spine, first, second, gate) else { continue };
+            // Residuals of wrong closures spread over what the closures and the legs can reach.
+            let reach = range + test.legs;
+            let chance = (gate_ball * test.box_volume / volume::<D>(reach)).min(1.0);
+            (ranges, pairs) = (ranges + reach, pairs + 1.0);
             for k in [a, b] {
                 expected[k] += chance;
-                agreeing[k] += usize::from(squared <= gate);
+                agreeing[k] += usize::from(test.agrees);
             }
         }
     }
@@ -70,7 +73,7 @@ pub(crate) fn supported<G: LieGroup<D>, const D: usize>(
         answer[candidate.edge] =
             agreeing[k] > 0 && poisson_tail(expected[k], agreeing[k]) < significance;
     }
-    (answer, volume)
+    (answer, volume::<D>(if pairs > 0.0 { ranges / pairs } else { range }))
 }
 
 fn candidates<G: LieGroup<D>, const D: usize>(
@@ -96,18 +99,29 @@ fn candidates<G: LieGroup<D>, const D: usize>(
     candidates
 }
 
-/// Squared Mahalanobis distance of one closure from the path by way of the other one, and the
-/// volume of its covariance's one-sigma box.
+/// A comparison of two closures.
+struct LoopTest {
+    agrees: bool,
+    /// Volume of the one-sigma box of the loop's covariance.
+    box_volume: f64,
+    /// Length of the trusted paths in the loop, metres as the crow flies.
+    legs: f64,
+}
+
+/// Compares one closure with the path by way of the other one.
 fn loop_test<G: LieGroup<D>, const D: usize>(
     spine: &Spine<G, D>,
     a: &Candidate<G, D>,
     b: &Candidate<G, D>,
-) -> Option<(f64, f64)> {
-    let start = spine.relative(a.ends[0], b.ends[0])?;
-    let end = spine.relative(b.ends[1], a.ends[1])?;
+    gate: f64,
+) -> Option<LoopTest> {
+    let start = spine.relative(a.ends[0] as usize, b.ends[0] as usize)?;
+    let end = spine.relative(b.ends[1] as usize, a.ends[1] as usize)?;
     let path = start.compose(&b.measured).compose(&end);
     let residual = a.measured.mean.between(&path.mean).log();
-    mahalanobis(&residual, &(path.covariance + a.measured.covariance))
+    let (squared, box_volume) = mahalanobis(&residual, &(path.covariance + a.measured.covariance))?;
+    let legs = translation_squared(&start.mean).sqrt() + translation_squared(&end.mean).sqrt();
+    Some(LoopTest { agrees: squared <= gate, box_volume, legs })
 }
 
 /// Volume of the unit ball.
@@ -119,17 +133,25 @@ fn ball_volume(dimension: usize) -> f64 {
     }
 }
 
-/// The volume over which the residuals of wrong closures spread: relative positions within twice
-/// the closures' own range, any rotation.
-fn alternative_volume<G: LieGroup<D>, const D: usize>(candidates: &[Candidate<G, D>]) -> f64 {
-    let (translations, turns) = if D == 6 { (3, 8.0 * PI * PI) } else { (2, 2.0 * PI) };
-    let squares: f64 = candidates
-        .iter()
-        .map(|c| {
-            let log: SMatrix<f64, D, 1> = c.measured.mean.log();
-            log.rows(0, translations).norm_squared()
-        })
-        .sum();
-    let range = 2.0 * (squares / candidates.len().max(1) as f64).sqrt();
-    turns * ball_volume(translations) * range.powi(translations as i32)
+/// Twice the root mean square translation of the closures: how far two of them reach, metres.
+fn closure_range<G: LieGroup<D>, const D: usize>(candidates: &[Candidate<G, D>]) -> f64 {
+    let squares: f64 = candidates.iter().map(|c| translation_squared(&c.measured.mean)).sum();
+    2.0 * (squares / candidates.len().max(1) as f64).sqrt()
+}
+
+/// Squared length of the translation of a logarithm, which comes first in it.
+fn translation_squared<G: LieGroup<D>, const D: usize>(pose: &G) -> f64 {
+    pose.log().rows(0, translations(D)).norm_squared()
+}
+
+/// Volume of the poses whose translation is at most `range`, with any rotation.
+fn volume<const D: usize>(range: f64) -> f64 {
+    // SO(2) has the volume 2 pi, SO(3) in rotation vectors 8 pi^2.
+    let rotations = if D == 6 { 8.0 * PI * PI } else { 2.0 * PI };
+    rotations * ball_volume(translations(D)) * range.powi(translations(D) as i32)
+}
+
+/// Degrees of freedom of the translation: two in the plane, three in space.
+fn translations(dimension: usize) -> usize {
+    if dimension == 6 { 3 } else { 2 }
 }
