@@ -1,3 +1,4 @@
+use crate::normal_equations::{NormalEquations, PointBlocks, linearise};
 use crate::{LinePoint, MatchResult, MatchStatus, Prior, SurfelField};
 use geometry::{Matrix3, Pose2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -37,19 +38,6 @@ impl Default for FastSettings {
     }
 }
 
-/// Normal equations of one linearisation, in field coordinates `(tx, ty, yaw)`.
-#[derive(Clone, Copy, Debug, Default)]
-struct Normal {
-    h: [f32; 6],
-    g: [f32; 3],
-    /// Sum of the robust kernel's weights in `[0, 1]`.
-    inliers: f32,
-    /// Information that the noise of the normals pretends, 1/m^2.
-    eiv: f32,
-    /// Points with a correspondence.
-    pairs: u32,
-}
-
 /// Weighted point-to-line matching on a [`SurfelField`].
 ///
 /// Each point's residual is its distance to its nearest surfel's line, weighted by both variances
@@ -65,13 +53,17 @@ impl FastMatcher {
     /// Finds `field_from_scan`, starting at the prior.
     pub fn align(&self, field: &SurfelField, scan: &[LinePoint], prior: &Prior) -> MatchResult {
         let s = &self.settings;
+        let all = PointBlocks::new(scan.iter());
+        let thinned = PointBlocks::new(scan.iter().step_by(COARSE_STEP));
         let mut pose = prior.pose;
         let mut kernel = s.kernel_start_m;
         let mut iterations = 0;
         let mut settled = false;
         while iterations < s.max_iterations && !settled {
             iterations += 1;
-            let normal = self.linearise(field, scan, &pose, kernel);
+            let coarse = kernel > 2.0 * s.kernel_end_m && scan.len() >= COARSE_FROM;
+            let points = if coarse { &thinned } else { &all };
+            let normal = linearise(field, points, &pose, kernel, s.normal_cos);
             let Some(step) = solve(&normal, &pose, prior) else {
                 return failed(pose, iterations, MatchStatus::TooFewPoints);
             };
@@ -80,7 +72,7 @@ impl FastMatcher {
             settled = small && kernel <= s.kernel_end_m;
             kernel = (kernel * s.kernel_decay).max(s.kernel_end_m);
         }
-        self.conclude(field, scan, pose, iterations)
+        self.conclude_blocks(field, &all, pose, iterations)
     }
 
     /// The match result at `pose`, without moving it.
@@ -91,9 +83,20 @@ impl FastMatcher {
         pose: Pose2,
         iterations: u32,
     ) -> MatchResult {
-        let normal = self.linearise(field, scan, &pose, self.settings.kernel_end_m);
+        self.conclude_blocks(field, &PointBlocks::new(scan.iter()), pose, iterations)
+    }
+
+    fn conclude_blocks(
+        &self,
+        field: &SurfelField,
+        points: &PointBlocks,
+        pose: Pose2,
+        iterations: u32,
+    ) -> MatchResult {
+        let s = &self.settings;
+        let normal = linearise(field, points, &pose, s.kernel_end_m, s.normal_cos);
         let information = information_in_scan_frame(&normal, &pose);
-        let inlier_ratio = f64::from(normal.inliers) / (scan.len().max(1) as f64);
+        let inlier_ratio = f64::from(normal.inliers) / (points.len.max(1) as f64);
         if normal.pairs < 6 {
             return failed(pose, iterations, MatchStatus::TooFewPoints);
         }
@@ -114,47 +117,19 @@ impl FastMatcher {
         pose: &Pose2,
         kernel_m: f32,
     ) -> (Matrix3<f64>, Vector3<f64>, f64) {
-        let normal = self.linearise(field, scan, pose, kernel_m);
+        let points = PointBlocks::new(scan.iter());
+        let normal = linearise(field, &points, pose, kernel_m, self.settings.normal_cos);
         let turn = turn(pose);
         let g = corrected(&normal).1;
         let inliers = f64::from(normal.inliers) / (scan.len().max(1) as f64);
         (information_in_scan_frame(&normal, pose), turn.transpose() * g, inliers)
     }
-
-    fn linearise(&self, field: &SurfelField, scan: &[LinePoint], pose: &Pose2, kernel: f32) -> Normal {
-        let (sin, cos) = pose.yaw.sin_cos();
-        let (sin, cos) = (sin as f32, cos as f32);
-        let (tx, ty) = (pose.x as f32, pose.y as f32);
-        let kernel2 = kernel * kernel;
-        let mut n = Normal::default();
-        for p in scan {
-            let (qx, qy) = (cos * p.x - sin * p.y, sin * p.x + cos * p.y);
-            let (mx, my) = (cos * p.nx - sin * p.ny, sin * p.nx + cos * p.ny);
-            let Some(surfel) = field.nearest(qx + tx, qy + ty, mx, my) else { continue };
-            if mx * surfel.nx + my * surfel.ny < self.settings.normal_cos {
-                continue;
-            }
-            let r = surfel.nx * (qx + tx) + surfel.ny * (qy + ty) - surfel.offset;
-            let ratio = kernel2 / (kernel2 + r * r);
-            let robust = ratio * ratio;
-            let w = robust / (surfel.variance + p.variance);
-            let (jx, jy, jw) = (surfel.nx, surfel.ny, surfel.ny * qx - surfel.nx * qy);
-            n.eiv += w * surfel.normal_variance.min(0.1);
-            n.h[0] += w * jx * jx;
-            n.h[1] += w * jx * jy;
-            n.h[2] += w * jx * jw;
-            n.h[3] += w * jy * jy;
-            n.h[4] += w * jy * jw;
-            n.h[5] += w * jw * jw;
-            n.g[0] += w * jx * r;
-            n.g[1] += w * jy * r;
-            n.g[2] += w * jw * r;
-            n.inliers += robust;
-            n.pairs += 1;
-        }
-        n
-    }
 }
+
+/// In the first iterations, while the kernel is wide, every third point says enough.
+const COARSE_STEP: usize = 3;
+/// Scans with fewer points are never thinned.
+const COARSE_FROM: usize = 90;
 
 /// Rotation that takes a right (scan-frame) perturbation to field coordinates.
 fn turn(pose: &Pose2) -> Matrix3<f64> {
@@ -167,14 +142,14 @@ fn turn(pose: &Pose2) -> Matrix3<f64> {
 /// Errors in variables: noise in the normals makes `sum w n n^T` too large across the true normals, by
 /// `sum w var(normal)`; in a corridor that would be all there is. The weak direction is taken back to
 /// what is left, in the gradient as well, so that the minimum stays where it is.
-fn corrected(n: &Normal) -> (Matrix3<f64>, Vector3<f64>) {
+fn corrected(n: &NormalEquations) -> (Matrix3<f64>, Vector3<f64>) {
     let [a, b, c, d, e, f] = n.h.map(f64::from);
     let full = Matrix3::new(a, b, c, b, d, e, c, e, f);
     let g = Vector3::new(n.g[0], n.g[1], n.g[2]).cast::<f64>();
     let eigen = nalgebra::Matrix2::new(a, b, b, d).symmetric_eigen();
     let k = eigen.eigenvalues.imin();
     let (weak, v) = (eigen.eigenvalues[k], eigen.eigenvectors.column(k).into_owned());
-    let kept = (weak - f64::from(n.eiv) * std::env::var("EIV").map_or(1.0, |v| v.parse().unwrap())).max(0.01 * weak);
+    let kept = (weak - f64::from(n.pretended)).max(0.01 * weak);
     let scale = (kept / weak.max(1e-9)).sqrt().min(1.0);
     let p = nalgebra::Matrix2::identity() - v * v.transpose() * (1.0 - scale);
     let mut s = Matrix3::identity();
@@ -182,13 +157,13 @@ fn corrected(n: &Normal) -> (Matrix3<f64>, Vector3<f64>) {
     (s * full * s, s * s * g)
 }
 
-fn information_in_scan_frame(n: &Normal, pose: &Pose2) -> Matrix3<f64> {
+fn information_in_scan_frame(n: &NormalEquations, pose: &Pose2) -> Matrix3<f64> {
     let turn = turn(pose);
     turn.transpose() * corrected(n).0 * turn
 }
 
 /// One Gauss-Newton step in field coordinates, the prior included.
-fn solve(n: &Normal, pose: &Pose2, prior: &Prior) -> Option<Vector3<f64>> {
+fn solve(n: &NormalEquations, pose: &Pose2, prior: &Prior) -> Option<Vector3<f64>> {
     if n.pairs < 6 {
         return None;
     }

@@ -4,6 +4,21 @@
 //! cloud* (points in the reference frame: one earlier scan, or a local submap of any size and field
 //! of view) and answers with a [`MatchResult`]: pose, covariance, inlier ratio, status. A weak match is
 //! a value, never an error.
+//!
+//! ```
+//! use manifoldslam_geometry::Pose2;
+//! use manifoldslam_matching::{PointCloud, PointCloudSettings, Prior, matcher};
+//! use manifoldslam_synthetic::{LaserNoise, Scanner, noisy_room_pair};
+//!
+//! let scanner = Scanner::half_circle(361, LaserNoise::gaussian(0.01));
+//! let pair = noisy_room_pair(1, &scanner, 0.2, 0.1);
+//! let settings = PointCloudSettings::default();
+//! let [reference, scan] = [&pair.reference, &pair.scan]
+//!     .map(|scan| PointCloud::from_scan(scan, &Pose2::IDENTITY, &settings));
+//! let found = matcher("wsm").unwrap().align(&reference, &scan, &Prior::guess(Pose2::IDENTITY));
+//! assert!(found.status.is_usable());
+//! assert!(found.pose.distance(&pair.truth()) < 0.01);
+//! ```
 
 mod bound;
 mod branch_and_bound;

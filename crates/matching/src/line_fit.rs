@@ -18,8 +18,6 @@ pub struct LineFitSettings {
     /// A window whose points stray farther from its line than this (standard deviation, metres) is no
     /// line.
     pub straight_m: f64,
-    /// Shift points onto their lines by this share of their distance.
-    pub smooth: f64,
 }
 
 impl Default for LineFitSettings {
@@ -31,7 +29,6 @@ impl Default for LineFitSettings {
             jump_ratio: 0.1,
             jump_m: 0.1,
             straight_m: 0.03,
-            smooth: 0.0,
         }
     }
 }
@@ -69,55 +66,76 @@ pub fn fit_lines(
     range_std_m: f64,
     s: &LineFitSettings,
 ) -> Vec<Option<LineFit>> {
-    let runs = runs(hits, starts_new, s);
     let sums = running_sums(hits);
-    let spacing = |i: usize, j: usize| {
-        let d = (hits[j].0 - hits[i].0, hits[j].1 - hits[i].1);
-        d.0.hypot(d.1)
-    };
     let mut fits = Vec::with_capacity(hits.len());
-    for run in runs {
+    for run in runs(hits, starts_new, s) {
+        let centred = Reach::new(0.5 * s.length_m, s.min_neighbours, s.max_neighbours);
+        let one_sided = Reach::new(s.length_m, 2 * s.min_neighbours, 2 * s.max_neighbours);
+        let mut near = (run.start, run.start);
+        let mut far = (run.start, run.start);
         for i in run.clone() {
-            let (mut a, mut b) = (i, i);
-            // Grow a window on each side to half the wanted length.
-            while a > run.start && i - a < s.max_neighbours
-                && (i - a < s.min_neighbours || spacing(a, i) < 0.5 * s.length_m)
-            {
-                a -= 1;
+            near = centred.window(hits, &run, i, near);
+            far = one_sided.window(hits, &run, i, far);
+            let fit = |from, to| fit_window(&sums, from, to, range_std_m, s);
+            let mut best = fit(near.0, near.1);
+            let plain = 4.0 * range_std_m * range_std_m;
+            let good = near.0 < i && i < near.1;
+            // On a plain wall nothing beats the window around the point.
+            if !(good && best.is_some_and(|w| w.residual <= plain)) {
+                for window in [fit(far.0, i), fit(i, far.1)].into_iter().flatten() {
+                    let surer = best
+                        .is_none_or(|b| ONE_SIDED * window.normal_variance < b.normal_variance);
+                    if surer {
+                        best = Some(window);
+                    }
+                }
             }
-            while b + 1 < run.end && b - i < s.max_neighbours
-                && (b - i < s.min_neighbours || spacing(i, b) < 0.5 * s.length_m)
-            {
-                b += 1;
-            }
-            let (mut left, mut right) = (a, b);
-            let reach = 2 * s.max_neighbours;
-            while left > run.start && i - left < reach
-                && (i - left < 2 * s.min_neighbours || spacing(left, i) < s.length_m)
-            {
-                left -= 1;
-            }
-            while right + 1 < run.end && right - i < reach
-                && (right - i < 2 * s.min_neighbours || spacing(i, right) < s.length_m)
-            {
-                right += 1;
-            }
-            let windows = [(a, b, 1.0), (left, i, 1.5), (i, right, 1.5)];
-            let best = windows
-                .iter()
-                .filter_map(|&(from, to, handicap)| {
-                    let fit = fit_window(&sums, from, to, range_std_m, s)?;
-                    Some((fit.normal_variance * handicap * handicap, fit))
-                })
-                .min_by(|p, q| p.0.total_cmp(&q.0));
-            fits.push(best.map(|(_, fit)| {
-                let centre = fit.distance;
-                let (nx, ny) = fit.normal;
-                LineFit { distance: nx * hits[i].0 + ny * hits[i].1 - centre, ..fit }
-            }));
+            fits.push(best.map(|window| window.line_at(hits[i])));
         }
     }
     fits
+}
+
+/// A window that ends at its point must be this much surer of its direction than one around it.
+const ONE_SIDED: f64 = 2.0;
+
+/// How far a window reaches to each side of its point.
+struct Reach {
+    length2: f64,
+    fewest: usize,
+    most: usize,
+}
+
+impl Reach {
+    fn new(length: f64, fewest: usize, most: usize) -> Self {
+        Reach { length2: length * length, fewest, most }
+    }
+
+    /// The window around hit `i`, given the one around the hit before: both ends only move on, so a
+    /// whole run takes linear time.
+    fn window(
+        &self,
+        hits: &[(f64, f64, f64)],
+        run: &std::ops::Range<usize>,
+        i: usize,
+        last: (usize, usize),
+    ) -> (usize, usize) {
+        let inside = |j: usize| {
+            let (dx, dy) = (hits[j].0 - hits[i].0, hits[j].1 - hits[i].1);
+            dx * dx + dy * dy < self.length2
+        };
+        let (mut a, mut b) = (last.0.max(i.saturating_sub(self.most)), last.1.max(i));
+        while i - a > self.fewest && !inside(a) {
+            a += 1;
+        }
+        while b + 1 < run.end
+            && b - i < self.most
+            && (b - i < self.fewest || inside(b + 1))
+        {
+            b += 1;
+        }
+        (a, b)
+    }
 }
 
 /// Ranges of successive hits without a jump.
@@ -152,37 +170,60 @@ fn running_sums(hits: &[(f64, f64, f64)]) -> Vec<Sums> {
     sums
 }
 
-/// Total least squares line over hits `from..=to`; `distance` holds the line's offset for now.
+/// Scatter of a window's points.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    mean: (f64, f64),
+    half_diff: f64,
+    xy: f64,
+    spread: f64,
+    residual: f64,
+    normal_variance: f64,
+}
+
+/// Total least squares over hits `from..=to`; `None` if they are no line.
 fn fit_window(
     sums: &[Sums],
     from: usize,
     to: usize,
     range_std_m: f64,
     s: &LineFitSettings,
-) -> Option<LineFit> {
+) -> Option<Window> {
     let n = (to + 1 - from) as f64;
     if n < 3.0 {
         return None;
     }
     let (a, b) = (&sums[from], &sums[to + 1]);
-    let (mx, my) = ((b.x - a.x) / n, (b.y - a.y) / n);
-    let xx = (b.xx - a.xx) / n - mx * mx;
-    let xy = (b.xy - a.xy) / n - mx * my;
-    let yy = (b.yy - a.yy) / n - my * my;
+    let inverse = 1.0 / n;
+    let (mx, my) = ((b.x - a.x) * inverse, (b.y - a.y) * inverse);
+    let xx = (b.xx - a.xx) * inverse - mx * mx;
+    let xy = (b.xy - a.xy) * inverse - mx * my;
+    let yy = (b.yy - a.yy) * inverse - my * my;
     let (half_sum, half_diff) = (0.5 * (xx + yy), 0.5 * (xx - yy));
-    let spread = half_diff.hypot(xy);
+    let spread = (half_diff * half_diff + xy * xy).sqrt();
     let (large, small) = (half_sum + spread, (half_sum - spread).max(0.0));
     let residual = small * n / (n - 2.0);
     if residual > s.straight_m * s.straight_m || large < 1e-8 || small > 0.15 * large {
         return None;
     }
-    let tangent = 0.5 * xy.atan2(half_diff);
-    let (sin, cos) = tangent.sin_cos();
-    let normal = (-sin, cos);
     let noise = residual.max(range_std_m * range_std_m);
-    Some(LineFit {
-        normal,
-        distance: normal.0 * mx + normal.1 * my,
-        normal_variance: noise / (n * large),
-    })
+    let normal_variance = noise / (n * large);
+    Some(Window { mean: (mx, my), half_diff, xy, spread, residual, normal_variance })
+}
+
+impl Window {
+    /// The window's line as seen from one of its points.
+    fn line_at(&self, hit: (f64, f64, f64)) -> LineFit {
+        // Eigenvector of the larger eigenvalue, from the row of the scatter matrix that is better
+        // conditioned.
+        let (tx, ty) = if self.half_diff >= 0.0 {
+            (self.spread + self.half_diff, self.xy)
+        } else {
+            (self.xy, self.spread - self.half_diff)
+        };
+        let inverse = 1.0 / (tx * tx + ty * ty).sqrt();
+        let normal = (-ty * inverse, tx * inverse);
+        let distance = normal.0 * (hit.0 - self.mean.0) + normal.1 * (hit.1 - self.mean.1);
+        LineFit { normal, distance, normal_variance: self.normal_variance }
+    }
 }

@@ -1,6 +1,6 @@
-use crate::LineFitSettings;
+use crate::LinePoint;
+use crate::normal_equations::{LANES, Turned};
 use geometry::Pose2;
-use sensing::Scan;
 use serde::{Deserialize, Serialize};
 
 /// Surface orientations are kept apart in this many layers: normals towards +x, +y, -x, -y.
@@ -10,6 +10,9 @@ const NONE: u16 = u16::MAX;
 /// A surfel also enters the neighbouring layer when its normal has at least this component along
 /// that layer's axis (75 degrees), so that a normal near a layer's border finds it from both sides.
 const NEIGHBOUR_LAYER_COMPONENT: f32 = 0.26;
+
+/// Normals are never taken for worse than this (18 degrees), rad^2.
+const LARGEST_NORMAL_VARIANCE: f32 = 0.1;
 
 /// Size of a [`SurfelField`]'s cells and how far a surfel is felt.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,6 +47,12 @@ pub(crate) struct Surfel {
     pub normal_variance: f32,
 }
 
+impl Surfel {
+    /// Stands for "no surfel in reach": agrees with no normal.
+    pub const ABSENT: Surfel =
+        Surfel { nx: 0.0, ny: 0.0, offset: 0.0, variance: 1.0, normal_variance: 0.0 };
+}
+
 /// Sums over the points of one surfel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moments {
@@ -53,40 +62,6 @@ struct Moments {
     nx: f32,
     ny: f32,
     normal_weight: f32,
-}
-
-/// One point of a scan as the field and the fast matcher use it: scan frame, `f32`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LinePoint {
-    /// Position in the scan's base frame, metres.
-    pub x: f32,
-    /// Position in the scan's base frame, metres.
-    pub y: f32,
-    /// Unit normal towards the laser.
-    pub nx: f32,
-    /// Unit normal towards the laser.
-    pub ny: f32,
-    /// Variance of the point along its normal, m^2 (WSM's measurement error, eq. 4.3-4.5 of the
-    /// thesis, projected on the normal).
-    pub variance: f32,
-    /// Variance of the normal's direction, rad^2.
-    pub normal_variance: f32,
-}
-
-impl LinePoint {
-    /// A function that gives points as seen from another frame.
-    pub fn mover(target_from_source: &Pose2) -> impl Fn(&LinePoint) -> LinePoint + use<> {
-        let (s, c) = target_from_source.yaw.sin_cos();
-        let (s, c) = (s as f32, c as f32);
-        let (x, y) = (target_from_source.x as f32, target_from_source.y as f32);
-        move |p| LinePoint {
-            x: x + c * p.x - s * p.y,
-            y: y + s * p.x + c * p.y,
-            nx: c * p.nx - s * p.ny,
-            ny: s * p.nx + c * p.ny,
-            ..*p
-        }
-    }
 }
 
 /// A map of surfels with, for every cell around them, the nearest one: the reference of the fast
@@ -247,11 +222,35 @@ impl SurfelField {
         (layer * self.height + row) * self.width + column
     }
 
-    /// The surfel nearest to a point whose surface normal is `(nx, ny)`, if one is in reach.
-    pub(crate) fn nearest(&self, x: f32, y: f32, nx: f32, ny: f32) -> Option<&Surfel> {
-        let (column, row) = self.cell_of(x, y)?;
-        let id = self.nearest[self.index(layer_of(nx, ny), column, row)];
-        self.surfels.get(usize::from(id))
+    /// The surfel nearest to each point of a block, [`Surfel::ABSENT`] where none is in reach.
+    #[inline]
+    pub(crate) fn nearest_of(
+        &self,
+        points: &Turned,
+        tx: f32,
+        ty: f32,
+        surfels: &mut [Surfel; LANES],
+    ) {
+        let inverse = 1.0 / self.settings.cell_m;
+        let (x0, y0) = ((tx - self.min_x) * inverse, (ty - self.min_y) * inverse);
+        let (width, height) = (self.width as u32, self.height as u32);
+        let mut cells = [u32::MAX; LANES];
+        for k in 0..LANES {
+            // Negative cells become huge and fail the comparison below.
+            let u = (points.x[k] * inverse + x0) as i32 as u32;
+            let v = (points.y[k] * inverse + y0) as i32 as u32;
+            let layer = layer_of(points.nx[k], points.ny[k]) as u32;
+            let inside = u < width && v < height;
+            let cell = (layer * height + v).wrapping_mul(width).wrapping_add(u);
+            cells[k] = if inside { cell } else { u32::MAX };
+        }
+        for k in 0..LANES {
+            if let Some(&id) = self.nearest.get(cells[k] as usize)
+                && let Some(surfel) = self.surfels.get(usize::from(id))
+            {
+                surfels[k] = *surfel;
+            }
+        }
     }
 }
 
@@ -265,14 +264,17 @@ impl Moments {
             ny,
             offset: (nx * self.x + ny * self.y) * inverse,
             variance: inverse + roughness_m * roughness_m,
-            normal_variance: 1.0 / self.normal_weight,
+            normal_variance: (1.0 / self.normal_weight).min(LARGEST_NORMAL_VARIANCE),
         }
     }
 }
 
 /// The layer of a normal: the axis direction it is nearest to.
+#[inline]
 fn layer_of(nx: f32, ny: f32) -> usize {
-    if nx.abs() >= ny.abs() { if nx >= 0.0 { 0 } else { 2 } } else if ny >= 0.0 { 1 } else { 3 }
+    let upright = usize::from(nx.abs() < ny.abs());
+    let along = if upright == 1 { ny } else { nx };
+    upright + 2 * usize::from(along < 0.0)
 }
 
 /// The layer of a normal and the next one if the normal is not far from it.
@@ -294,69 +296,4 @@ fn disk(radius: f32) -> Vec<(i16, i16, u8)> {
         .collect();
     cells.sort_by_key(|&(dx, dy, d)| (d, dy, dx));
     cells
-}
-
-/// The measurement error model of a laser scanner: WSM's `s_l` and `s_theta`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BeamNoise {
-    /// Standard deviation of a range, metres.
-    pub range_std_m: f32,
-    /// Standard deviation of a bearing, radians.
-    pub bearing_std_rad: f32,
-}
-
-impl Default for BeamNoise {
-    fn default() -> Self {
-        BeamNoise { range_std_m: 0.01, bearing_std_rad: 0.002 }
-    }
-}
-
-/// The hits of a scan that lie on a smooth surface, in the robot's base frame, in the form the fast
-/// matcher wants.
-pub fn line_points(
-    scan: &Scan,
-    base_from_laser: &Pose2,
-    noise: &BeamNoise,
-    settings: &LineFitSettings,
-) -> Vec<LinePoint> {
-    let mut hits = Vec::with_capacity(scan.len());
-    let mut rays = Vec::with_capacity(scan.len());
-    let mut starts_new = Vec::with_capacity(scan.len());
-    let mut last = None;
-    for i in 0..scan.len() {
-        let Some(range) = scan.hit(i) else { continue };
-        let (s, c) = scan.laser().bearing(i).sin_cos();
-        let range = f64::from(range);
-        hits.push((c * range, s * range, range));
-        rays.push((c, s));
-        starts_new.push(last.is_none_or(|l: usize| i - l > 2));
-        last = Some(i);
-    }
-    let fits = crate::line_fit::fit_lines(&hits, &starts_new, noise.range_std_m.into(), settings);
-    let (s, c) = base_from_laser.yaw.sin_cos();
-    let mut out = Vec::with_capacity(hits.len());
-    for ((hit, ray), fit) in hits.iter().zip(&rays).zip(&fits) {
-        let Some(fit) = fit else { continue };
-        let (mut nx, mut ny) = fit.normal;
-        let shift = fit.distance * settings.smooth;
-        let (px, py) = (hit.0 - shift * nx, hit.1 - shift * ny);
-        let cos = nx * ray.0 + ny * ray.1;
-        if cos > 0.0 {
-            (nx, ny) = (-nx, -ny);
-        }
-        // Noise of the endpoint along its normal: range noise times the incidence's cosine, bearing
-        // noise times its sine.
-        let along = f64::from(noise.range_std_m).powi(2) * cos * cos;
-        let across = (f64::from(noise.bearing_std_rad) * hit.2).powi(2) * (1.0 - cos * cos).max(0.0);
-        out.push(LinePoint {
-            x: (base_from_laser.x + c * px - s * py) as f32,
-            y: (base_from_laser.y + s * px + c * py) as f32,
-            nx: (c * nx - s * ny) as f32,
-            ny: (s * nx + c * ny) as f32,
-            variance: (along + across + 1e-6) as f32,
-            normal_variance: fit.normal_variance as f32,
-        });
-    }
-    out
 }

@@ -153,17 +153,21 @@ fn main() {
     }
 }
 type Sums = std::sync::Arc<std::sync::Mutex<std::collections::BTreeMap<Stage, f64>>>;
-struct Timer {
-    open: Vec<Instant>,
-    sum: Sums,
+struct Timer { open: Vec<(f64,f64)>, sum: Sums }
+fn cpu() -> (f64, f64) {
+    let t = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+    let main: f64 = t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9;
+    let mut all = 0.0;
+    for e in std::fs::read_dir("/proc/self/task").unwrap() { if let Ok(t) = std::fs::read_to_string(e.unwrap().path().join("schedstat")) { all += t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9; } }
+    (main, all)
 }
 impl StageObserver for Timer {
-    fn begin(&mut self, _: Stage) {
-        self.open.push(Instant::now());
-    }
+    fn begin(&mut self, s: Stage) { let par = matches!(s, Stage::Refit | Stage::Relocalisation); self.open.push(if par { cpu() } else { let t = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap(); (t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9, 0.0) }); }
     fn end(&mut self, s: Stage) {
+        let par = matches!(s, Stage::Refit | Stage::Relocalisation);
         let t = self.open.pop().unwrap();
-        *self.sum.lock().unwrap().entry(s).or_default() += t.elapsed().as_secs_f64();
+        let d = if par { cpu().1 - t.1 } else { let u = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap(); u.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9 - t.0 };
+        *self.sum.lock().unwrap().entry(s).or_default() += d;
     }
 }
 fn set(c: &mut SlamConfig, k: &str, v: f64) {
@@ -190,7 +194,10 @@ fn set(c: &mut SlamConfig, k: &str, v: f64) {
         "minn" => c.lines.min_neighbours = v as usize,
         "maxn" => c.lines.max_neighbours = v as usize,
         "straight" => c.lines.straight_m = v,
-        "smooth" => c.lines.smooth = v,
+        "smooth" => {}
+        "rr" => c.refit.reach_m = v as f32,
+        "minscore" => c.closing.min_score = v as f32,
+        "maxw" => c.closing.max_windows = v as usize,
         "jump" => c.lines.jump_ratio = v,
         "jm" => c.lines.jump_m = v,
         "close" => c.closing.enabled = v > 0.5,

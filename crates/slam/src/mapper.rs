@@ -5,7 +5,7 @@ use crate::refit::{optimise_relations, refit_breadth_first, refit_globally, relo
 use crate::{ClosingStatistics, Event, RefitMethod, SlamConfig, Stage, StageObserver, Unobserved};
 use geometry::{GaussianPose2, Pose2};
 use manifold::{Manifold, PatchId, Provenance};
-use matching::{FastMatcher, LinePoint, line_points};
+use matching::{FastMatcher, LineExtractor, LinePoint};
 use sensing::Observation;
 use serde::Serialize;
 
@@ -58,6 +58,7 @@ pub struct Statistics {
 pub struct Mapper {
     config: SlamConfig,
     matcher: FastMatcher,
+    lines: LineExtractor,
     front_end: FrontEnd,
     closer: LoopCloser,
     map: Map,
@@ -78,6 +79,7 @@ impl Mapper {
         Mapper {
             config,
             matcher,
+            lines: LineExtractor::new(config.noise, config.lines),
             front_end: FrontEnd::new(config),
             closer: LoopCloser::new(config.closing, config.submap, config.field, matcher),
             map: Map::default(),
@@ -91,8 +93,7 @@ impl Mapper {
     pub fn step(&mut self, observation: Observation) -> Vec<Event> {
         let odom_from_base = observation.odom_from_base.filter(|_| self.config.odometry.enabled);
         let surface = self.timed(Stage::Lines, |m| {
-            let (noise, lines) = (&m.config.noise, &m.config.lines);
-            line_points(&observation.scan, &observation.base_from_laser, noise, lines)
+            m.lines.extract(&observation.scan, &observation.base_from_laser)
         });
         let found = self
             .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
@@ -112,7 +113,7 @@ impl Mapper {
         self.closer.finish();
         self.optimise();
         let measured = self.timed(Stage::Refit, |m| match m.config.refit.method {
-            RefitMethod::Global => refit_globally(&mut m.map, &m.matcher, &m.config),
+            RefitMethod::Global => refit_globally(&mut m.map, &m.config),
             RefitMethod::BreadthFirst => {
                 refit_breadth_first(&mut m.map, &m.matcher, &m.config);
                 0
@@ -121,7 +122,7 @@ impl Mapper {
         });
         self.statistics.overlaps += measured;
         self.timed(Stage::Relocalisation, |m| {
-            relocalise(&m.map, &mut m.scans, &m.matcher, &m.config);
+            relocalise(&m.map, &mut m.scans, &m.config);
         });
         if let Some(last) = self.map.manifold.patches().last().map(|p| p.id) {
             self.front_end.relocate(&self.map, last);

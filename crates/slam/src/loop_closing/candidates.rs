@@ -20,6 +20,8 @@ pub(crate) struct Candidates {
     settings: ClosingSettings,
     limits: SubmapLimits,
     signatures: BTreeMap<PatchId, Signature>,
+    /// Patch from which places were last compared by their look.
+    last_look: Option<Pose2>,
 }
 
 /// Candidates are this many patches away from the query, so that they are places left and met again, with
@@ -28,7 +30,7 @@ const SETTLED_PATCHES: u32 = 30;
 
 impl Candidates {
     pub fn new(settings: ClosingSettings, limits: SubmapLimits) -> Self {
-        Candidates { settings, limits, signatures: BTreeMap::new() }
+        Candidates { settings, limits, signatures: BTreeMap::new(), last_look: None }
     }
 
     /// The best places for `query`, best first, spaced apart: patches that are not known well enough to
@@ -39,6 +41,9 @@ impl Candidates {
         let known = map.manifold.uncertainty_from(query, f64::INFINITY);
         let own = map.pose(query);
         let mut query_signature = None;
+        let look_due = self
+            .last_look
+            .is_none_or(|last| last.distance(&own) >= self.settings.spacing_m);
         for patch in map.manifold.patches() {
             if patch.id.0.abs_diff(query.0) < SETTLED_PATCHES {
                 continue;
@@ -47,6 +52,9 @@ impl Candidates {
             let here = patch.island_from_patch.between(&own);
             let Some(vague) = self.may_overlap(&here, &belief) else { continue };
             let rank = if vague {
+                if !look_due {
+                    continue;
+                }
                 let look =
                     query_signature.get_or_insert_with(|| signature_of(query, map, &self.limits));
                 let limits = &self.limits;
@@ -57,6 +65,9 @@ impl Candidates {
             };
             let patch_from_query = GaussianPose2 { mean: here, ..belief.inverse() };
             found.push((rank, Candidate { patch: patch.id, patch_from_query, by_look: vague }));
+        }
+        if query_signature.is_some() {
+            self.last_look = Some(own);
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.patch.cmp(&b.1.patch)));
         self.spaced(found.into_iter().map(|f| f.1), map)
@@ -81,7 +92,9 @@ impl Candidates {
                 map.pose(c.patch).distance(&here) > self.settings.spacing_m
                     || c.patch.0.abs_diff(candidate.patch.0) > SETTLED_PATCHES
             };
-            if chosen.iter().all(apart) {
+            // Looking all round is costly: once per search.
+            let looked = candidate.by_look && chosen.iter().any(|c| c.by_look);
+            if !looked && chosen.iter().all(apart) {
                 chosen.push(candidate);
             }
             if chosen.len() >= self.settings.candidates {

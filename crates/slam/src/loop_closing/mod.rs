@@ -33,6 +33,10 @@ pub struct ClosingSettings {
     pub spacing_m: f64,
     /// Half width of the search box, metres; beyond it candidates are chosen by the look of the place.
     pub window_m: f64,
+    /// A match farther than this from what was believed is implausible, standard deviations.
+    pub sigmas_accepted: f64,
+    /// Windows that one branch-and-bound search may examine.
+    pub max_windows: usize,
     /// Likelihood a grid pose must reach in the branch-and-bound search.
     pub min_score: f32,
     /// Smallest share of the query's surroundings that must fit after refinement.
@@ -55,7 +59,9 @@ impl Default for ClosingSettings {
             candidates: 3,
             spacing_m: 3.0,
             window_m: 4.0,
-            min_score: 0.5,
+            sigmas_accepted: 6.0,
+            max_windows: 5_000,
+            min_score: 0.55,
             share: 0.55,
             rival: 0.92,
             seen_through: 0.2,
@@ -87,6 +93,8 @@ pub enum Rejection {
     Ambiguous,
     /// The best pose does not fit well enough after refinement.
     PoorFit,
+    /// The match lies too far from what was believed.
+    Implausible,
     /// The query saw through walls of the candidate's submap.
     SeenThrough,
     /// No consistent set of closures formed around it.
@@ -110,6 +118,8 @@ pub struct ClosingStatistics {
     pub poor_fit: usize,
     /// See [`Rejection::SeenThrough`].
     pub seen_through: usize,
+    /// See [`Rejection::Implausible`].
+    pub implausible: usize,
     /// See [`Rejection::Unsupported`].
     pub unsupported: usize,
 }
@@ -121,6 +131,7 @@ impl ClosingStatistics {
             Rejection::Ambiguous => &mut self.ambiguous,
             Rejection::PoorFit => &mut self.poor_fit,
             Rejection::SeenThrough => &mut self.seen_through,
+            Rejection::Implausible => &mut self.implausible,
             Rejection::Unsupported => &mut self.unsupported,
         } += 1;
     }

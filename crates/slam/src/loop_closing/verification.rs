@@ -69,7 +69,11 @@ impl Verifier {
         if self.seen_through(query, &best.pose, map) > self.settings.seen_through {
             return Err(Rejection::SeenThrough);
         }
-        Ok(closure(query, candidate, best))
+        let closure = closure(query, candidate, best);
+        if closure.surprise > self.settings.sigmas_accepted.powi(2) {
+            return Err(Rejection::Implausible);
+        }
+        Ok(closure)
     }
 
     /// Line points of the query's own local submap, thinned, in the query's frame.
@@ -119,7 +123,7 @@ impl Verifier {
         let settings = SearchSettings {
             min_score: s.min_score,
             candidates: RIVALS,
-            max_windows: 20_000,
+            max_windows: s.max_windows,
             ..SearchSettings::default()
         };
         let outcome = pyramid.search_many(&points, &window, &settings);

@@ -12,7 +12,7 @@ use crate::SlamConfig;
 use crate::map::Map;
 use geometry::{LieGroup, Matrix3, Pose2};
 use manifold::{PatchId, Provenance, Relation, RelationId};
-use matching::FastMatcher;
+use matching::{FastMatcher, FastSettings, FieldSettings};
 use optimizer::{Edge, EdgeKind, Kernel, PoseGraph, Report, Settings, optimize};
 use overlaps::{Overlap, measure_overlaps};
 use serde::{Deserialize, Serialize};
@@ -44,6 +44,8 @@ pub struct RefitSettings {
     pub overlaps_per_patch: usize,
     /// Smallest share of a scan that must fit for an overlap to count.
     pub overlap_share: f64,
+    /// How far surfaces are felt in the refit, metres: the map is already within this of the truth.
+    pub reach_m: f32,
     /// Kernel scale of the first round's measurements, metres.
     pub kernel_start_m: f64,
     /// Kernel scale of the last rounds' measurements, metres.
@@ -67,11 +69,12 @@ impl Default for RefitSettings {
             overlap_distance_m: 4.0,
             overlaps_per_patch: 12,
             overlap_share: 0.3,
+            reach_m: 0.3,
             kernel_start_m: 0.1,
             kernel_end_m: 0.03,
             overlap_sharing: 10.0,
             outlier_sigmas: 3.0,
-            group_radius_m: 3.0,
+            group_radius_m: 6.0,
             group_margin_m: 6.0,
         }
     }
@@ -109,7 +112,8 @@ const CONTRADICTED_WEIGHT: f64 = 0.15;
 /// The global pass: measure how all overlapping patches fit, re-estimate all poses, repeat with a
 /// narrower kernel. Relations of the run keep the map together where nothing overlaps; odometry
 /// keeps it straight along walls without features.
-pub(crate) fn refit_globally(map: &mut Map, matcher: &FastMatcher, config: &SlamConfig) -> usize {
+pub(crate) fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
+    let matcher = &config.refit_matcher();
     let settings = &config.refit;
     let mut measured = 0;
     for round in 0..settings.rounds {
@@ -168,6 +172,19 @@ fn solve(graph: &mut PoseGraph<Pose2, 3>, map: &mut Map, config: &SlamConfig) ->
     let poses = graph.nodes().iter().map(|n| (PatchId(n.id as u32), n.pose)).collect();
     map.manifold.refit(poses);
     Some(report)
+}
+
+impl SlamConfig {
+    /// The field of the refit: like the front end's with a shorter reach.
+    fn refit_field(&self) -> FieldSettings {
+        FieldSettings { reach_m: self.refit.reach_m, ..self.field }
+    }
+
+    /// The fast matcher of the refit: it starts where it expects to end.
+    fn refit_matcher(&self) -> FastMatcher {
+        let kernel_start_m = self.refit.kernel_start_m as f32;
+        FastMatcher { settings: FastSettings { kernel_start_m, ..self.matcher } }
+    }
 }
 
 impl Overlap {

@@ -28,7 +28,7 @@ pub(crate) fn measure_overlaps(
 ) -> Vec<Overlap> {
     let near = Neighbourhood::new(map, config.refit.overlap_distance_m);
     let ids: Vec<PatchId> = map.manifold.patches().iter().map(|p| p.id).collect();
-    let field = SurfelField::new(config.field, (0.0, 0.0), (0.0, 0.0));
+    let field = SurfelField::new(config.refit_field(), (0.0, 0.0), (0.0, 0.0));
     // Fixed blocks, results in order: the same whatever the number of threads.
     ids.par_chunks(32)
         .map_init(
@@ -52,7 +52,7 @@ fn overlaps_of(
     kernel_m: f32,
 ) -> Vec<Overlap> {
     let settings = &config.refit;
-    lay_field(scratch, map, &[(from, Pose2::IDENTITY)], f64::from(config.field.reach_m));
+    lay_field(scratch, map, &[(from, Pose2::IDENTITY)], f64::from(config.refit.reach_m));
     let mut overlaps = Vec::with_capacity(settings.overlaps_per_patch);
     for (to, believed) in near.of(from, map) {
         if overlaps.len() >= settings.overlaps_per_patch {

@@ -20,9 +20,9 @@ const SMOOTHING_ITERATIONS: usize = 3;
 pub(crate) fn relocalise(
     map: &Map,
     scans: &mut [ScanRecord],
-    matcher: &FastMatcher,
     config: &SlamConfig,
 ) {
+    let matcher = &config.refit_matcher();
     let groups = group_patches(map, config.refit.group_radius_m);
     let mut group_of = vec![0; map.manifold.patches().len()];
     for (index, group) in groups.iter().enumerate() {
@@ -34,7 +34,7 @@ pub(crate) fn relocalise(
     for (index, scan) in scans.iter().enumerate() {
         members[group_of[scan.pose.patch.index()]].push(index);
     }
-    let field = SurfelField::new(config.field, (0.0, 0.0), (0.0, 0.0));
+    let field = SurfelField::new(config.refit_field(), (0.0, 0.0), (0.0, 0.0));
     let matched: Vec<Vec<Matched>> = (0..groups.len())
         .into_par_iter()
         .map_init(
@@ -106,7 +106,7 @@ fn match_group(
         .map(|p| (p.id, origin.between(&p.island_from_patch)))
         .filter(|(_, pose)| pose.norm() <= reach)
         .collect();
-    lay_field(scratch, map, &around, f64::from(config.field.reach_m));
+    lay_field(scratch, map, &around, f64::from(config.refit.reach_m));
     let std = Vector3::from(BEFORE_STD);
     let information = Matrix3::from_diagonal(&std.map(|s| s.powi(-2)));
     let place = |&scan: &usize| {

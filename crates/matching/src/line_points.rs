@@ -1,0 +1,136 @@
+use crate::line_fit::{LineFitSettings, LineFit, fit_lines};
+use geometry::Pose2;
+use sensing::{LaserModel, Scan};
+use serde::{Deserialize, Serialize};
+
+/// One point of a scan as the field and the fast matcher use it: scan frame, `f32`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LinePoint {
+    /// Position in the scan's base frame, metres.
+    pub x: f32,
+    /// Position in the scan's base frame, metres.
+    pub y: f32,
+    /// Unit normal towards the laser.
+    pub nx: f32,
+    /// Unit normal towards the laser.
+    pub ny: f32,
+    /// Variance of the point along its normal, m^2 (WSM's measurement error, eq. 4.3-4.5 of the
+    /// thesis, projected on the normal).
+    pub variance: f32,
+    /// Variance of the normal's direction, rad^2.
+    pub normal_variance: f32,
+}
+
+impl LinePoint {
+    /// A function that gives points as seen from another frame.
+    pub fn mover(target_from_source: &Pose2) -> impl Fn(&LinePoint) -> LinePoint + use<> {
+        let (s, c) = target_from_source.yaw.sin_cos();
+        let (s, c) = (s as f32, c as f32);
+        let (x, y) = (target_from_source.x as f32, target_from_source.y as f32);
+        move |p| LinePoint {
+            x: x + c * p.x - s * p.y,
+            y: y + s * p.x + c * p.y,
+            nx: c * p.nx - s * p.ny,
+            ny: s * p.nx + c * p.ny,
+            ..*p
+        }
+    }
+}
+
+/// The measurement error model of a laser scanner: WSM's `s_l` and `s_theta`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BeamNoise {
+    /// Standard deviation of a range, metres.
+    pub range_std_m: f32,
+    /// Standard deviation of a bearing, radians.
+    pub bearing_std_rad: f32,
+}
+
+impl Default for BeamNoise {
+    fn default() -> Self {
+        BeamNoise { range_std_m: 0.01, bearing_std_rad: 0.002 }
+    }
+}
+
+/// Turns scans into line points; keeps the bearings of the laser and working memory between scans.
+#[derive(Clone, Debug, Default)]
+pub struct LineExtractor {
+    noise: BeamNoise,
+    settings: LineFitSettings,
+    laser: Option<LaserModel>,
+    /// `(cos, sin)` of every beam's bearing.
+    rays: Vec<(f64, f64)>,
+    hits: Vec<(f64, f64, f64)>,
+    beams: Vec<u32>,
+    starts_new: Vec<bool>,
+}
+
+/// A gap of more missing beams than this separates surfaces.
+const BRIDGED_BEAMS: u32 = 1;
+
+impl LineExtractor {
+    /// An extractor for one configuration.
+    pub fn new(noise: BeamNoise, settings: LineFitSettings) -> Self {
+        LineExtractor { noise, settings, ..LineExtractor::default() }
+    }
+
+    /// The hits of a scan that lie on smooth surfaces, in the robot's base frame.
+    pub fn extract(&mut self, scan: &Scan, base_from_laser: &Pose2) -> Vec<LinePoint> {
+        self.collect_hits(scan);
+        let range_std_m = self.noise.range_std_m.into();
+        let fits = fit_lines(&self.hits, &self.starts_new, range_std_m, &self.settings);
+        let to_base = LinePoint::mover(base_from_laser);
+        let points = self.hits.iter().zip(&self.beams).zip(&fits);
+        points
+            .filter_map(|((hit, &beam), fit)| {
+                Some(to_base(&self.point(hit, self.rays[beam as usize], &(*fit)?)))
+            })
+            .collect()
+    }
+
+    fn collect_hits(&mut self, scan: &Scan) {
+        if self.laser != Some(*scan.laser()) {
+            self.laser = Some(*scan.laser());
+            let ray = |i| {
+                let (s, c) = scan.laser().bearing(i).sin_cos();
+                (c, s)
+            };
+            self.rays = (0..scan.len()).map(ray).collect();
+        }
+        self.hits.clear();
+        self.beams.clear();
+        self.starts_new.clear();
+        for (beam, (c, s)) in self.rays.iter().enumerate() {
+            let Some(range) = scan.hit(beam) else { continue };
+            let range = f64::from(range);
+            let beam = beam as u32;
+            let gap = self.beams.last().is_none_or(|last| beam - last > 1 + BRIDGED_BEAMS);
+            self.hits.push((c * range, s * range, range));
+            self.beams.push(beam);
+            self.starts_new.push(gap);
+        }
+    }
+
+    /// A hit with its fit, in the laser's frame.
+    fn point(&self, hit: &(f64, f64, f64), ray: (f64, f64), fit: &LineFit) -> LinePoint {
+        let (mut nx, mut ny) = fit.normal;
+        let cos = nx * ray.0 + ny * ray.1;
+        if cos > 0.0 {
+            (nx, ny) = (-nx, -ny);
+        }
+        // Noise of the endpoint along its normal: range noise times the incidence's cosine, bearing
+        // noise times its sine (thesis, eq. 4.3).
+        let along = f64::from(self.noise.range_std_m).powi(2) * cos * cos;
+        let sin2 = (1.0 - cos * cos).max(0.0);
+        let across = (f64::from(self.noise.bearing_std_rad) * hit.2).powi(2) * sin2;
+        LinePoint {
+            x: hit.0 as f32,
+            y: hit.1 as f32,
+            nx: nx as f32,
+            ny: ny as f32,
+            variance: (along + across + 1e-6) as f32,
+            normal_variance: fit.normal_variance as f32,
+        }
+    }
+}
