@@ -91,7 +91,7 @@ fn efficiency(matcher: &dyn Matcher) -> (f64, f64, usize) {
     let scanner = scanner();
     let mut squares = Vec::new();
     let mut lost = 0;
-    for seed in 2000..2200 {
+    for seed in 2000..2120 {
         let pair = noisy_room_pair(seed, &scanner, 0.3, 10f64.to_radians());
         let prior = Prior::guess(Pose2::IDENTITY);
         let result = matcher.align(&cloud(&pair.reference), &cloud(&pair.scan), &prior);
@@ -114,9 +114,9 @@ fn efficiency(matcher: &dyn Matcher) -> (f64, f64, usize) {
 fn no_matcher_beats_the_bound() {
     for name in MATCHER_NAMES {
         let (rms, median, lost) = efficiency(matcher(name).unwrap().as_ref());
-        println!("{name}: {rms:.2} x the two-scan bound (median {median:.2}), {lost} of 200 lost");
-        // 200 pairs: the root of a mean of chi-squares / 3 has a standard deviation of 0.03.
-        assert!(rms > 0.94 && median > 0.85, "{name} beats the bound: {rms} {median}");
+        println!("{name}: {rms:.2} x the two-scan bound (median {median:.2}), {lost} of 120 lost");
+        // 120 pairs: the root of a mean of chi-squares / 3 has a standard deviation of 0.04.
+        assert!(rms > 0.9 && median > 0.85, "{name} beats the bound: {rms} {median}");
         if name == "wsm" {
             assert!(rms < 1.7, "{name}: {rms}");
         }

@@ -27,7 +27,7 @@ fn run(settings: WsmSettings, scanner: &Scanner, distance: f64, yaw_deg: f64) ->
             failures += 1;
             continue;
         }
-        let information = result.covariance.try_inverse().unwrap();
+        let information = result.covariance.try_inverse().expect("a regular covariance");
         nees.push(error.dot(&(information * error)));
         errors.push(error.xy().norm());
     }

@@ -11,7 +11,7 @@ use synthetic::{FloorPlan, LaserNoise, RayCaster, Scanner, corridor};
 fn matchers() -> Vec<Box<dyn Matcher>> {
     manifoldslam_matching::MATCHER_NAMES
         .iter()
-        .map(|name| manifoldslam_matching::matcher(name).unwrap())
+        .map(|name| manifoldslam_matching::matcher(name).expect("a registered name"))
         .collect()
 }
 
