@@ -6,9 +6,9 @@
 //! a value, never an error.
 //!
 //! ```
-//! use manifoldslam_geometry::Pose2;
+//! use geometry::Pose2;
 //! use manifoldslam_matching::{PointCloud, PointCloudSettings, Prior, matcher};
-//! use manifoldslam_synthetic::{LaserNoise, Scanner, noisy_room_pair};
+//! use synthetic::{LaserNoise, Scanner, noisy_room_pair};
 //!
 //! let scanner = Scanner::half_circle(361, LaserNoise::gaussian(0.01));
 //! let pair = noisy_room_pair(1, &scanner, 0.2, 0.1);
