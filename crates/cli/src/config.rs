@@ -60,7 +60,10 @@ impl Config {
         if let Some(resolution_m) = args.resolution {
             config.map.resolution_m = resolution_m;
         }
-        Ok(config)
+        match config.problems().first() {
+            Some(problem) => bail!("{problem}"),
+            None => Ok(config),
+        }
     }
 
     /// Reads TOML; everything that is wrong with it is told at once.
@@ -76,12 +79,27 @@ impl Config {
         } else {
             Config::default()
         };
-        problems.extend(config.laser.problems().into_iter().map(|p| format!("laser: {p}")));
+        problems.extend(config.problems());
         match &problems[..] {
             [] => Ok(config),
             [problem] => bail!("{name}: {problem}"),
             _ => bail!("{name}: {} problems\n  {}", problems.len(), problems.join("\n  ")),
         }
+    }
+
+    /// Values that no run could end well with.
+    fn problems(&self) -> Vec<String> {
+        let mut problems: Vec<String> =
+            self.laser.problems().into_iter().map(|p| format!("laser: {p}")).collect();
+        let mut within = |name: &str, value: f64, least: f64, most: f64| {
+            if !(least..=most).contains(&value) {
+                problems.push(format!("{name} is {value}, must be from {least} to {most}"));
+            }
+        };
+        within("map.resolution_m", self.map.resolution_m, 0.001, 10.0);
+        within("map.margin_m", self.map.margin_m, 0.0, 1000.0);
+        within("slam.field.cell_m", f64::from(self.slam.field.cell_m), 0.005, 5.0);
+        problems
     }
 
     /// The configuration as TOML text.
@@ -204,6 +222,8 @@ mod tests {
         let error =
             Config::parse("[laser]\nrange_min_m = 50\n", "my.toml").unwrap_err().to_string();
         assert!(error.contains("above range_min_m"), "{error}");
+        let error = Config::parse("map.resolution_m = 0\nslam.field.cell_m = 1e-7\n", "my.toml");
+        assert!(error.unwrap_err().to_string().contains("2 problems"));
         assert!(Config::parse("= 3", "my.toml").unwrap_err().to_string().contains("my.toml"));
     }
 }
