@@ -14,7 +14,8 @@
 //! clean optimum itself is the reference; beside the distance from it, a ratio is given that takes
 //! the clean optimum's own uncertainty for its unknown error:
 //! `sqrt(sigma^2 + distance^2) / sigma`, with sigma the root mean square of the marginal standard
-//! deviations of the positions about the first node, as the graph's information matrices have it.
+//! deviations of the positions about the first node, scaled by the clean graph's a-posteriori
+//! variance factor (its information matrices understate how good it is).
 
 mod common;
 
@@ -145,5 +146,7 @@ fn own_uncertainty(graph: &Graph2, optimizer: &mut Optimizer<Pose2, 3>) -> Resul
     let marginals = optimizer.marginals(graph, &ids)?;
     let variances = ids.iter().filter_map(|&id| marginals.covariance(id, id));
     let sum: f64 = variances.map(|c| c[(0, 0)] + c[(1, 1)]).sum();
-    Ok((sum / ids.len() as f64).sqrt())
+    let freedom = 3 * (graph.edges().len() + 1 - ids.len());
+    let variance_factor = graph.chi2() / freedom as f64;
+    Ok((variance_factor * sum / ids.len() as f64).sqrt())
 }

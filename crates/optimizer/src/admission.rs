@@ -12,6 +12,10 @@ const BELIEF: f64 = 0.998;
 /// over the number of closures.
 const FALSE_ALARM: f64 = 1e-6;
 
+/// A closure that leaves a smaller share of its contradiction in its own residual is hardly
+/// controlled by the others; it gets the benefit of the doubt.
+const LEAST_CONTROL: f64 = 0.05;
+
 /// What a look at every closure in the light of all others recommends.
 #[derive(Debug, Default)]
 pub(crate) struct Review {
@@ -31,16 +35,19 @@ pub(crate) fn review<G: LieGroup<D>, const D: usize>(
 ) -> Result<Review, OptimizerError> {
     let closures = graph.edges().iter().enumerate().filter(|(_, e)| e.kind == EdgeKind::Closure);
     let closures: Vec<usize> = closures.map(|(edge, _)| edge).collect();
+    let out = closures.iter().filter(|&&edge| !inliers[edge]).count();
+    let odds = (closures.len() - out + 1) as f64 / (out + 1) as f64;
+    let alarm = chi2_quantile(D, 1.0 - FALSE_ALARM) * model.scale;
+    let in_doubt = |edge: usize| !inliers[edge] || graph.edge_chi2(edge) > LEAST_CONTROL * alarm;
+    let closures: Vec<usize> = closures.into_iter().filter(|&edge| in_doubt(edge)).collect();
     let ends = |&edge: &usize| [graph.edges()[edge].from, graph.edges()[edge].to];
     let ids: Vec<u64> = closures.iter().flat_map(ends).collect();
     let marginals = optimizer.marginals(kept, &ids)?;
-    let out = closures.iter().filter(|&&edge| !inliers[edge]).count();
-    let odds = (closures.len() - out + 1) as f64 / (out + 1) as f64;
     let mut review = Review::default();
     let mut worst = vec![];
     for &edge in &closures {
         if inliers[edge] {
-            worst.extend(contradiction(graph, &marginals, edge, model).map(|d2| (d2, edge)));
+            worst.extend(contradiction(graph, &marginals, edge, alarm).map(|d2| (d2, edge)));
         } else if is_likely(graph, &marginals, edge, model, odds) {
             review.admit.push(edge);
         }
@@ -75,7 +82,7 @@ fn is_likely<G: LieGroup<D>, const D: usize>(
     squared <= model.gate && odds * density * model.volume > BELIEF / (1.0 - BELIEF)
 }
 
-/// How much a believed closure contradicts all others, if beyond doubt.
+/// How much a believed closure contradicts all others, if by more than `alarm`.
 ///
 /// Data snooping (Baarda 1968): a residual `r` left after the fit has the covariance `R - P`,
 /// measurement less estimate, and `r^T (R - P)^-1 r` is what the squared distance of the closure
@@ -84,7 +91,7 @@ fn contradiction<G: LieGroup<D>, const D: usize>(
     graph: &PoseGraph<G, D>,
     marginals: &Marginals<G, D>,
     edge: usize,
-    model: &Alternative,
+    alarm: f64,
 ) -> Option<f64> {
     let closure = &graph.edges()[edge];
     let estimate = marginals.relative(closure.from, closure.to)?;
@@ -93,5 +100,5 @@ fn contradiction<G: LieGroup<D>, const D: usize>(
     // A trace of the measurement's own covariance keeps rounding from inventing contradictions.
     let left = measured * (1.0 + 1e-6) - estimate.covariance;
     let (squared, _) = mahalanobis(&residual, &left)?;
-    (squared > chi2_quantile(D, 1.0 - FALSE_ALARM) * model.scale).then_some(squared)
+    (squared > alarm).then_some(squared)
 }

@@ -106,12 +106,13 @@ impl Cholesky {
             work[column + a][a] = 1.0;
         }
         let mut half = HalfSolution { path: vec![], values: vec![] };
+        let mut sums = vec![];
         let mut next = Some(column);
         while let Some(column) = next {
             let s = self.supernode_of[column] as usize;
             half.path.push((s as u32, half.values.len() as u32));
             let supernode = &self.supernodes[s];
-            supernode.half_forward(&self.factor, &self.rows, work);
+            supernode.half_forward(&self.factor, &self.rows, work, &mut sums);
             let own = &mut work[supernode.start..supernode.start + supernode.columns];
             half.values.extend_from_slice(own);
             own.fill([0.0; D]);
@@ -168,26 +169,39 @@ impl Supernode {
         }
     }
 
-    fn half_forward<const D: usize>(&self, factor: &[f64], rows: &[u32], work: &mut [[f64; D]]) {
+    fn half_forward<const D: usize>(
+        &self,
+        factor: &[f64],
+        rows: &[u32],
+        work: &mut [[f64; D]],
+        sums: &mut Vec<[f64; D]>,
+    ) {
         let (below, rows) = (self.pattern.len(), &rows[self.pattern.clone()]);
+        sums.clear();
+        sums.resize(below, [0.0; D]);
+        let own = &mut work[self.start..self.start + self.columns];
         let columns = factor[self.values.clone()].chunks_exact(self.columns + below);
         for (j, column) in columns.enumerate() {
             let (top, bottom) = column.split_at(self.columns);
-            let value = work[self.start + j].map(|x| x / top[j]);
-            work[self.start + j] = value;
+            let value = own[j].map(|x| x / top[j]);
+            own[j] = value;
             if value == [0.0; D] {
                 continue;
             }
-            let own = work[self.start + j + 1..self.start + self.columns].iter_mut();
-            for (x, l) in own.zip(&top[j + 1..]) {
+            for (x, l) in own[j + 1..].iter_mut().zip(&top[j + 1..]) {
                 for a in 0..D {
                     x[a] -= l * value[a];
                 }
             }
-            for (&row, l) in rows.iter().zip(bottom) {
+            for (sum, l) in sums.iter_mut().zip(bottom) {
                 for a in 0..D {
-                    work[row as usize][a] -= l * value[a];
+                    sum[a] += l * value[a];
                 }
+            }
+        }
+        for (&row, sum) in rows.iter().zip(sums) {
+            for a in 0..D {
+                work[row as usize][a] -= sum[a];
             }
         }
     }

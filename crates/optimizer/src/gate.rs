@@ -12,7 +12,7 @@ pub fn chi2_quantile(dof: usize, probability: f64) -> f64 {
 /// Quantile of the standard normal distribution, by bisection of [`normal_tail`].
 fn normal_quantile(probability: f64) -> f64 {
     let (mut low, mut high) = (-9.0, 9.0);
-    for _ in 0..60 {
+    for _ in 0..40 {
         let middle = 0.5 * (low + high);
         if normal_tail(middle) > 1.0 - probability { low = middle } else { high = middle }
     }
@@ -22,7 +22,7 @@ fn normal_quantile(probability: f64) -> f64 {
 /// The probability that a standard normal variable exceeds `x`: Simpson's rule on the density.
 fn normal_tail(x: f64) -> f64 {
     let density = |t: f64| (-0.5 * t * t).exp() / std::f64::consts::TAU.sqrt();
-    let (steps, end) = (400, 10.0_f64.max(x + 1.0));
+    let (steps, end) = (200, 10.0_f64.max(x + 1.0));
     let h = (end - x) / f64::from(steps);
     let inner: f64 = (1..steps)
         .map(|k| if k % 2 == 1 { 4.0 } else { 2.0 } * density(x + h * f64::from(k)))

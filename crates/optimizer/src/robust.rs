@@ -1,8 +1,7 @@
 use crate::admission::review;
-use crate::gate::chi2_quantile;
 use crate::spine::Spine;
 use crate::support::{Alternative, supported};
-use crate::{EdgeKind, GncSettings, Optimizer, OptimizerError, PoseGraph, Report, Settings};
+use crate::{EdgeKind, GncSettings, Optimizer, OptimizerError, PoseGraph, Report};
 use crate::{initialize_spanning_tree, optimize_gnc};
 use geometry::LieGroup;
 
@@ -15,22 +14,17 @@ const MAX_UNSUPPORTED: usize = 2000;
 /// Settings of [`optimize_robust`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobustSettings {
-    /// Squared Mahalanobis residual up to which a closure is believed.
-    pub inlier_chi2: f64,
     /// Start from the trusted edges alone, whatever the nodes' poses are.
     pub from_odometry: bool,
-    /// Settings of the last optimisation.
-    pub last: Settings,
+    /// How the believed closures are optimised; its `inlier_chi2` is the squared Mahalanobis
+    /// residual up to which a closure is believed.
+    pub gnc: GncSettings,
 }
 
 impl RobustSettings {
     /// Settings for residuals of `dof` degrees of freedom.
     pub fn new(dof: usize) -> Self {
-        RobustSettings {
-            inlier_chi2: chi2_quantile(dof, 0.9999),
-            from_odometry: true,
-            last: Settings::default(),
-        }
+        RobustSettings { from_odometry: true, gnc: GncSettings::new(dof) }
     }
 }
 
@@ -50,14 +44,16 @@ pub struct RobustReport {
 /// 1. Closures that agree with closures nearby, beyond chance, make a skeleton. This needs only
 ///    the trusted edges, so it does not matter how far odometry has drifted.
 /// 2. The skeleton is optimised by graduated non-convexity, which throws out what does not fit.
-/// 3. Closures that fit the result are taken in and those that do not are thrown out, until
-///    nothing changes: truncated least squares by alternation, from a start near its optimum.
+/// 3. Every closure is judged in the light of all others: those left out are taken in where they
+///    are likely right, believed ones thrown out where they contradict the rest. Then 2 again,
+///    until nothing changes.
+///
+/// Nodes no believed closure ties to the rest stay where odometry has them.
 pub fn optimize_robust<G: LieGroup<D>, const D: usize>(
     graph: &mut PoseGraph<G, D>,
     settings: &RobustSettings,
 ) -> Result<RobustReport, OptimizerError> {
-    let spine = Spine::new(graph);
-    let (mut inliers, volume) = supported(graph, &spine);
+    let (mut inliers, volume) = supported(graph, &Spine::new(graph));
     let supported = inliers.iter().filter(|x| **x).count();
     let closures = graph.edges().iter().filter(|e| e.kind == EdgeKind::Closure).count();
     // Closures too far apart to vouch for each other: all of them are tried together.
@@ -71,56 +67,66 @@ pub fn optimize_robust<G: LieGroup<D>, const D: usize>(
         initialize_spanning_tree(&mut skeleton, |node| fixed[node]);
         copy_poses(graph, &skeleton);
     }
-    let mut optimizer = Optimizer::new();
-    let mut model = Alternative { volume, gate: settings.inlier_chi2, scale: 1.0 };
-    let mut withdrawn = vec![false; inliers.len()];
-    let mut round = 0;
-    loop {
-        let report = settle(graph, &mut optimizer, &mut inliers, &mut model)?;
-        let kept = graph.filtered(|edge| inliers[edge]);
-        let mut review = review(graph, &kept, &mut optimizer, &inliers, &model)?;
-        // What was thrown out after a second look does not come back: this ends.
-        review.admit.retain(|&edge| !withdrawn[edge]);
-        round += 1;
-        if (review.admit.is_empty() && review.withdraw.is_empty()) || round == MAX_ROUNDS {
-            return Ok(RobustReport { report, inliers, supported });
-        }
-        for edge in review.withdraw {
-            (inliers[edge], withdrawn[edge]) = (false, round > 2);
-        }
-        for edge in review.admit {
-            inliers[edge] = true;
-        }
-    }
+    let model = Alternative { volume, gate: settings.gnc.inlier_chi2, scale: 1.0 };
+    let mut search = Search { graph, inliers, model, optimizer: Optimizer::new() };
+    let report = search.run(&settings.gnc)?;
+    Ok(RobustReport { report, inliers: search.inliers, supported })
 }
 
-/// Optimises the edges believed so far and withdraws those that do not fit.
-fn settle<G: LieGroup<D>, const D: usize>(
-    graph: &mut PoseGraph<G, D>,
-    optimizer: &mut Optimizer<G, D>,
-    inliers: &mut [bool],
-    model: &mut Alternative,
-) -> Result<Report, OptimizerError> {
-    loop {
-        let mut kept = graph.filtered(|edge| inliers[edge]);
-        let inlier_chi2 = model.gate * model.scale;
-        let gnc = GncSettings { inlier_chi2, ..GncSettings::new(D) };
-        let report = optimize_gnc(optimizer, &mut kept, &gnc)?;
-        copy_poses(graph, &kept);
-        let before = inliers.iter().filter(|x| **x).count();
-        withdraw(inliers, &report.weights);
-        let after = inliers.iter().filter(|x| **x).count();
-        let scale = variance_factor(&kept, &report.weights);
-        let changed = scale < 0.8 * model.scale;
-        model.scale = scale;
-        if !changed && before == after {
-            return Ok(report);
+/// The state of the search for the closures to believe.
+struct Search<'a, G, const D: usize> {
+    graph: &'a mut PoseGraph<G, D>,
+    inliers: Vec<bool>,
+    model: Alternative,
+    optimizer: Optimizer<G, D>,
+}
+
+impl<G: LieGroup<D>, const D: usize> Search<'_, G, D> {
+    fn run(&mut self, gnc: &GncSettings) -> Result<Report, OptimizerError> {
+        let mut expelled = vec![false; self.inliers.len()];
+        let mut round = 0;
+        loop {
+            let (report, kept) = self.settle(gnc)?;
+            let mut review =
+                review(self.graph, &kept, &mut self.optimizer, &self.inliers, &self.model)?;
+            review.admit.retain(|&edge| !expelled[edge]);
+            round += 1;
+            if (review.admit.is_empty() && review.withdraw.is_empty()) || round == MAX_ROUNDS {
+                return Ok(report);
+            }
+            for edge in review.withdraw {
+                // After the first rounds nobody comes back, so that this ends.
+                (self.inliers[edge], expelled[edge]) = (false, round > 2);
+            }
+            for edge in review.admit {
+                self.inliers[edge] = true;
+            }
+        }
+    }
+
+    /// Optimises the edges believed so far, withdrawing those that do not fit; also gives the graph
+    /// of what was kept.
+    fn settle(&mut self, gnc: &GncSettings) -> Result<(Report, PoseGraph<G, D>), OptimizerError> {
+        loop {
+            let mut kept = self.graph.filtered(|edge| self.inliers[edge]);
+            let gnc = GncSettings { inlier_chi2: self.model.gate * self.model.scale, ..*gnc };
+            let report = optimize_gnc(&mut self.optimizer, &mut kept, &gnc)?;
+            copy_poses(self.graph, &kept);
+            let scale = variance_factor(&kept, &report.weights);
+            let shrunk = scale < 0.8 * self.model.scale;
+            self.model.scale = scale;
+            let all_fit = report.weights.iter().all(|weight| *weight > 0.5);
+            withdraw(&mut self.inliers, &report.weights);
+            if all_fit && !shrunk {
+                return Ok((report, kept));
+            }
         }
     }
 }
 
 /// How large the residuals are beside what the information matrices promise: the a-posteriori
-/// variance factor of adjustment theory, with a margin of 2.5 for caution, between a twentieth and one.
+/// variance factor of adjustment theory, with a margin of 2.5 for caution, between a twentieth
+/// and one.
 ///
 /// Logs with cautious covariances are common; without this, a wrong closure passes in them whose
 /// residual is far larger than any right one's.
