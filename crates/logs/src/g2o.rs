@@ -34,8 +34,11 @@ use std::path::Path;
 const LINE_LIMIT: usize = 4096;
 /// Dropped lines that are kept one by one; beyond this they are counted only.
 const MAX_LISTED: usize = 100;
-/// Coordinates beyond this, in metres, are refused.
-const MAX_COORDINATE: f64 = 1e9;
+/// Measured coordinates beyond this, in metres, are refused.
+const MAX_MEASURED: f64 = 1e9;
+/// Coordinates of vertices beyond this, in metres, are refused; wider than the other, so that a graph
+/// whose vertices were placed along its measurements can be written and read again.
+const MAX_COORDINATE: f64 = 1e15;
 /// An SE(3) edge: name, two ids, seven numbers of the pose and 21 of the information.
 const MAX_FIELDS: usize = 31;
 
@@ -310,7 +313,7 @@ impl<G: G2oPose<D>, const D: usize> Elements<G, D> {
     /// `id pose`.
     fn vertex(&mut self, line: u64, fields: &[&[u8]]) -> Result<(), Refusal> {
         count(fields, 1 + G::NUMBERS)?;
-        self.vertices.push((line, id(fields[0], 2)?, pose(&fields[1..], 3)?));
+        self.vertices.push((line, id(fields[0], 2)?, pose(&fields[1..], 3, MAX_COORDINATE)?));
         Ok(())
     }
 
@@ -319,7 +322,7 @@ impl<G: G2oPose<D>, const D: usize> Elements<G, D> {
         let first = 2 + G::NUMBERS;
         count(fields, first + D * (D + 1) / 2)?;
         let (from, to) = (id(fields[0], 2)?, id(fields[1], 3)?);
-        let from_from_to = pose(&fields[2..first], 4)?;
+        let from_from_to = pose(&fields[2..first], 4, MAX_MEASURED)?;
         let mut information = SMatrix::zeros();
         let mut at = first;
         for r in 0..D {
@@ -353,10 +356,143 @@ fn finite(field: &[u8], at: usize, limit: f64) -> Result<f64, Refusal> {
     if value.abs() <= limit { Ok(value + 0.0) } else { Err((Some(at), DropReason::NotFinite)) }
 }
 
-fn pose<G: G2oPose<D>, const D: usize>(fields: &[&[u8]], at: usize) -> Result<G, Refusal> {
+fn pose<G: G2oPose<D>, const D: usize>(
+    fields: &[&[u8]],
+    at: usize,
+    limit: f64,
+) -> Result<G, Refusal> {
     let mut numbers = Vec::with_capacity(fields.len());
     for (k, field) in fields.iter().enumerate() {
-        numbers.push(finite(field, at + k, MAX_COORDINATE)?);
+        numbers.push(finite(field, at + k, limit)?);
     }
     G::from_numbers(&numbers).ok_or((Some(at), DropReason::NotFinite))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn plane(text: &str) -> (PoseGraph<Pose2, 3>, G2oFile) {
+        let file = read_g2o(text.as_bytes(), Path::new("test.g2o"));
+        let Graph::Plane(graph) = file.graph.clone() else { panic!("a graph in the plane") };
+        (graph, file)
+    }
+
+    fn written<G: G2oPose<D>, const D: usize>(graph: &PoseGraph<G, D>) -> String {
+        let mut text = Vec::new();
+        write_g2o(&mut text, graph).unwrap();
+        String::from_utf8(text).unwrap()
+    }
+
+    const EDGE: &str = "EDGE_SE2 0 1 1 0 0.5 10 0 0 10 0 100";
+
+    #[test]
+    fn vertices_may_come_late_or_never() {
+        let (graph, file) = plane(&format!(
+            "EDGE_SE2 2 1 -1 0 0 1 0 0 1 0 1\n{EDGE}\nVERTEX_SE2 0 5 6 0\nFIX 0\n# done\n\n"
+        ));
+        assert_eq!((file.unplaced, file.dropped_count), (2, 0));
+        assert_eq!(graph.pose(0), Some(&Pose2::new(5.0, 6.0, 0.0)));
+        assert_eq!(graph.pose(1), Some(&Pose2::new(6.0, 6.0, 0.5)));
+        let expected = Pose2::new(6.0, 6.0, 0.5) * Pose2::new(1.0, 0.0, 0.0);
+        assert!(graph.pose(2).unwrap().between(&expected).norm() < 1e-12);
+        assert!(graph.nodes().iter().all(|node| node.fixed == (node.id == 0)));
+    }
+
+    #[test]
+    fn the_first_edge_between_consecutive_ids_is_odometry() {
+        let (graph, _) = plane(&format!("{EDGE}\n{EDGE}\nEDGE_SE2 0 2 1 0 0 1 0 0 1 0 1\n"));
+        let kinds: Vec<EdgeKind> = graph.edges().iter().map(|edge| edge.kind).collect();
+        assert_eq!(kinds, [EdgeKind::Sequential, EdgeKind::Closure, EdgeKind::Closure]);
+    }
+
+    #[test]
+    fn what_cannot_be_used_is_dropped_with_line_and_field() {
+        for (line, field, reason) in [
+            ("EDGE_XY 0 1 2", Some(1), "not a graph element this reader knows"),
+            ("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1", Some(1), "not a graph element this reader knows"),
+            ("VERTEX_SE2 7 0 nan 0", Some(4), "not finite or absurdly large"),
+            ("VERTEX_SE2 7 0 1e300 0", Some(4), "not finite or absurdly large"),
+            ("VERTEX_SE2 -7 0 0 0", Some(2), "not a number"),
+            ("VERTEX_SE2 7 0 0", Some(5), "too few fields"),
+            ("VERTEX_SE2 7 0 0 0 0", Some(6), "too many fields"),
+            ("VERTEX_SE2 0 0 0 0", Some(2), "node 0 exists already"),
+            ("EDGE_SE2 0 1 1 0 0.5 10 0 inf 10 0 100", Some(9), "not finite or absurdly large"),
+            ("EDGE_SE2 0 1 1 0 0.5 10 0 x 10 0 100", Some(9), "not a number"),
+            ("EDGE_SE2 1 1 1 0 0.5 10 0 0 10 0 100", None, "an edge connects node 1 with itself"),
+            (
+                "EDGE_SE2 0 1 1 0 0.5 -10 0 0 10 0 100",
+                None,
+                "the information of edge 0 -> 1 is not a finite, positive semi-definite matrix",
+            ),
+            ("FIX", Some(2), "too few fields"),
+            ("FIX 99", Some(2), "node 99 is not in the graph"),
+        ] {
+            let (graph, file) = plane(&format!("VERTEX_SE2 0 0 0 0\n{line}\n{EDGE}\n"));
+            assert_eq!(graph.edges().len(), 1, "{line}");
+            assert_eq!(file.dropped_count, 1, "{line}");
+            let dropped = &file.dropped[0];
+            assert_eq!((dropped.line, dropped.field), (2, field), "{line}");
+            assert_eq!(dropped.reason.to_string(), reason, "{line}");
+        }
+        let (_, file) = plane(&format!("VERTEX_SE2 0 {} 0 0\n", "1".repeat(5000)));
+        assert_eq!(file.dropped[0].reason, DropReason::TooLong { limit: LINE_LIMIT });
+    }
+
+    #[test]
+    fn a_graph_in_space_comes_back_as_it_was() {
+        let text = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 5 1 2 3 0.1 0.2 0.3 0.9\n\
+            EDGE_SE3:QUAT 0 5 1 0.5 0 0 0 2 2 \
+            1 0.5 0 0 0 0 2 0 0 0 0 3 0 0 0 4 0 0 5 0 6.25\n";
+        let file = read_g2o(text.as_bytes(), Path::new("space.g2o"));
+        let Graph::Space(graph) = &file.graph else { panic!("a graph in space") };
+        assert!(!file.is_lossy());
+        assert_eq!(graph.edges()[0].information[(1, 0)], 0.5);
+        assert_eq!(graph.edges()[0].information[(5, 5)], 6.25);
+        assert!((graph.pose(5).unwrap().rotation.norm() - 1.0).abs() < 1e-15);
+        let once = written(graph);
+        let Graph::Space(again) = read_g2o(once.as_bytes(), Path::new("again")).graph else {
+            panic!("a graph in space")
+        };
+        assert_eq!((again.nodes(), again.edges()), (graph.nodes(), graph.edges()));
+        assert_eq!(written(&again), once);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_reads_back_bit_by_bit(
+            poses in prop::collection::vec((-1e6..1e6_f64, -1e-3..1e-3_f64, -4.0..4.0_f64), 2..20),
+            scale in 1e-9..1e9_f64,
+        ) {
+            let mut graph = PoseGraph::<Pose2, 3>::new();
+            let mut last = None;
+            for (k, &(x, y, yaw)) in poses.iter().enumerate() {
+                let (id, pose) = (3 * k as u64 / 2, Pose2::new(x, y, yaw));
+                graph.add_node(id, pose).unwrap();
+                if let Some(before) = last {
+                    let information = SMatrix::<f64, 3, 3>::identity() * scale;
+                    let kind = if id - before == 1 { EdgeKind::Sequential } else { EdgeKind::Closure };
+                    graph.add_edge(Edge::new(before, id, pose, information, kind)).unwrap();
+                }
+                last = Some(id);
+            }
+            graph.set_fixed(0, true).unwrap();
+            let text = written(&graph);
+            let (again, file) = plane(&text);
+            prop_assert!(!file.is_lossy() && file.unplaced == 0);
+            prop_assert_eq!(again.nodes(), graph.nodes());
+            prop_assert_eq!(again.edges(), graph.edges());
+            prop_assert_eq!(written(&again), text);
+        }
+
+        #[test]
+        fn any_text_is_survived(text in "(VERTEX_SE2|EDGE_SE2|FIX|EDGE_SE3:QUAT|#|\\PC{0,5})( [-0-9e.]{1,5}){0,12}\n(EDGE_SE2( [0-3]){11}\n){0,5}") {
+            let file = read_g2o(text.as_bytes(), Path::new("any"));
+            if let Graph::Plane(graph) = &file.graph {
+                let (again, _) = plane(&written(graph));
+                prop_assert_eq!(again.nodes(), graph.nodes());
+            }
+        }
+    }
 }
