@@ -33,6 +33,7 @@
 
 mod admission;
 mod cholesky;
+mod chordal;
 mod clique;
 mod components;
 mod consistency;
@@ -51,6 +52,7 @@ mod spine;
 mod structure;
 mod support;
 
+pub use chordal::initialize_chordal;
 pub use consistency::{
     ClosureCandidate, ConsistencySettings, ConsistentSet, consistent_set, consistent_sets,
 };

@@ -4,7 +4,7 @@ use crate::walks::{Graph2, Walk, add, information};
 use geometry::{LieGroup, Matrix3, Pose2, Pose3};
 use manifoldslam_optimizer::{
     Edge, EdgeKind, Kernel, Method, Optimizer, OptimizerError, PoseGraph, RobustScope, Settings,
-    Status, initialize_spanning_tree, optimize,
+    Status, initialize_chordal, initialize_spanning_tree, optimize,
 };
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 
@@ -216,6 +216,36 @@ fn the_spanning_tree_is_the_odometry() {
     }
     initialize_spanning_tree(&mut graph, |_| false);
     assert_eq!(graph.nodes(), walk.graph.nodes());
+}
+
+#[test]
+fn chordal_initialisation_needs_no_start() {
+    let mut walk = Walk::new(300, 8);
+    let mut best = walk.graph.clone();
+    optimize(&mut best, &TIGHT).unwrap();
+    for id in 1..300 {
+        let angle = 2.4 * (id * id) as f64;
+        walk.graph.set_pose(id, Pose2::new(9.0 * angle.sin(), angle, angle)).unwrap();
+    }
+    walk.graph.set_fixed(0, true).unwrap();
+    initialize_chordal(&mut walk.graph).unwrap();
+    assert!(walk.graph.chi2() < 3.0 * best.chi2(), "{} {}", walk.graph.chi2(), best.chi2());
+    let report = optimize(&mut walk.graph, &TIGHT).unwrap();
+    assert!((report.final_cost / best.chi2() - 1.0).abs() < 1e-9);
+    // Without noise the answer is exact, in one step and for every component.
+    let mut exact = Graph2::new();
+    for id in 0..60 {
+        exact.add_node(id, walk.truth[id as usize]).unwrap();
+    }
+    for (a, b) in (0..59).map(|k| (k, k + 1)).chain([(3, 17), (40, 55)]).filter(|e| e.0 != 29) {
+        let measured = walk.truth[a].between(&walk.truth[b]);
+        add(&mut exact, a, b, measured, EdgeKind::Sequential);
+    }
+    initialize_chordal(&mut exact).unwrap();
+    for id in 0..60 {
+        let difference = walk.truth[id].between(&exact.nodes()[id].pose).log().norm();
+        assert!(difference < 1e-9, "node {id}: {difference}");
+    }
 }
 
 #[test]
