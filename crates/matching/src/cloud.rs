@@ -1,4 +1,5 @@
-use geometry::{Matrix2, Pose2, Vector2};
+use crate::{LineFitSettings, fit_lines};
+use geometry::{Pose2, Vector2};
 use sensing::Scan;
 use serde::{Deserialize, Serialize};
 
@@ -13,6 +14,10 @@ pub struct CloudPoint {
     pub range: f64,
     /// Unit surface normal towards the laser; `None` where the neighbourhood is not a smooth line.
     pub normal: Option<Vector2<f64>>,
+    /// Variance of the normal's direction, rad^2.
+    pub normal_variance: f64,
+    /// Signed distance of the point from the line fitted to its neighbourhood, along the normal, metres.
+    pub line_distance: f64,
     /// Angle between neighbouring beams, radians: the sampling step of the scan.
     pub beam_step: f64,
     /// Index of the beam in its scan.
@@ -30,38 +35,46 @@ pub struct PointCloud {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PointCloudSettings {
-    /// Neighbours to each side that vote for a point's normal.
-    pub normal_neighbours: usize,
-    /// A neighbour farther than this share of the range (plus 5 cm) lies on another surface.
-    pub jump_ratio: f64,
+    /// Standard deviation of a range, metres: no fit is trusted beyond it.
+    pub range_std_m: f64,
+    /// How surface lines are fitted. Longer than the production matcher's: WSM chooses its pairs by these
+    /// lines, so they must not follow the noise (4 degrees of error at 15 mm and 40 cm).
+    pub lines: LineFitSettings,
 }
 
 impl Default for PointCloudSettings {
     fn default() -> Self {
-        PointCloudSettings { normal_neighbours: 3, jump_ratio: 0.08 }
+        let lines = LineFitSettings::default();
+        PointCloudSettings {
+            range_std_m: 0.015,
+            lines: LineFitSettings { length_m: 0.4, max_neighbours: 20, ..lines },
+        }
     }
 }
 
 impl PointCloud {
-    /// The scan's hits in the robot's base frame, with normals by principal component analysis over
-    /// neighbouring beams on the same surface.
+    /// The scan's hits in the robot's base frame, with normals from lines fitted to neighbouring beams
+    /// on the same surface.
     pub fn from_scan(scan: &Scan, base_from_laser: &Pose2, settings: &PointCloudSettings) -> Self {
-        let step = scan.laser().angle_increment_rad.abs();
+        let beam_step = scan.laser().angle_increment_rad.abs();
         let mut points: Vec<CloudPoint> = (0..scan.len())
             .filter_map(|i| {
                 let range = f64::from(scan.hit(i)?);
                 let (s, c) = scan.laser().bearing(i).sin_cos();
-                let ray = Vector2::new(c, s);
-                let position = base_from_laser.transform(ray * range);
-                let ray = base_from_laser.rotate(ray);
-                let beam = i as u32;
-                Some(CloudPoint { position, ray, range, normal: None, beam_step: step, beam })
+                let ray = base_from_laser.rotate(Vector2::new(c, s));
+                Some(CloudPoint {
+                    position: base_from_laser.translation() + ray * range,
+                    ray,
+                    range,
+                    normal: None,
+                    normal_variance: 0.0,
+                    line_distance: 0.0,
+                    beam_step,
+                    beam: i as u32,
+                })
             })
             .collect();
-        let normals: Vec<_> = (0..points.len()).map(|i| normal_at(&points, i, settings)).collect();
-        for (point, normal) in points.iter_mut().zip(normals) {
-            point.normal = normal;
-        }
+        fit_surfaces(&mut points, settings);
         PointCloud { points }
     }
 
@@ -96,32 +109,23 @@ impl PointCloud {
     }
 }
 
-/// The normal at `points[i]` from its neighbours in beam order, towards the laser.
-fn normal_at(points: &[CloudPoint], i: usize, settings: &PointCloudSettings) -> Option<Vector2<f64>> {
-    let centre = &points[i];
-    let reach = 0.05 + settings.jump_ratio * centre.range;
-    let k = settings.normal_neighbours;
-    let (mut n, mut mean, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
-    for p in &points[i.saturating_sub(k)..(i + k + 1).min(points.len())] {
-        let d = p.position - centre.position;
-        if p.beam.abs_diff(centre.beam) as usize <= k && d.norm() <= reach * k as f64 {
-            n += 1.0;
-            mean += d;
-            second += d * d.transpose();
-        }
+/// Gives the points of one scan, in beam order, their normals.
+fn fit_surfaces(points: &mut [CloudPoint], settings: &PointCloudSettings) {
+    let hits: Vec<_> = points.iter().map(|p| (p.position.x, p.position.y, p.range)).collect();
+    let starts_new: Vec<bool> =
+        (0..points.len()).map(|i| i == 0 || points[i].beam - points[i - 1].beam > 2).collect();
+    let lines = LineFitSettings {
+        // Noise alone must not make a wall look bent.
+        straight_m: settings.lines.straight_m.max(2.0 * settings.range_std_m),
+        ..settings.lines
+    };
+    let fits = fit_lines(&hits, &starts_new, settings.range_std_m, &lines);
+    for (point, fit) in points.iter_mut().zip(fits) {
+        let Some(fit) = fit else { continue };
+        let normal = Vector2::new(fit.normal.0, fit.normal.1);
+        let sign = if normal.dot(&point.ray) > 0.0 { -1.0 } else { 1.0 };
+        point.normal = Some(normal * sign);
+        point.line_distance = fit.distance * sign;
+        point.normal_variance = fit.normal_variance;
     }
-    if n < 3.0 {
-        return None;
-    }
-    mean /= n;
-    let scatter = second / n - mean * mean.transpose();
-    let half_diff = 0.5 * (scatter.m11 - scatter.m22);
-    let spread = half_diff.hypot(scatter.m12);
-    let (large, small) = (0.5 * scatter.trace() + spread, 0.5 * scatter.trace() - spread);
-    if small > 0.1 * large {
-        return None;
-    }
-    let tangent_angle = 0.5 * scatter.m12.atan2(half_diff);
-    let normal = Vector2::new(-tangent_angle.sin(), tangent_angle.cos());
-    Some(if normal.dot(&centre.ray) > 0.0 { -normal } else { normal })
 }

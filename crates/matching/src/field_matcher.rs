@@ -63,6 +63,10 @@ impl Matcher for FieldMatcher {
         let (lo, hi) = (lo.add_scalar(-margin), hi.add_scalar(margin));
         let mut field = SurfelField::new(self.field, (lo.x, lo.y), (hi.x, hi.y));
         field.insert(&reference, &Pose2::IDENTITY);
-        self.matcher.align(&field, &scan, prior)
+        let result = self.matcher.align(&field, &scan, prior);
+        if result.status.is_usable() && result.inlier_ratio < self.error.min_inlier_ratio {
+            return MatchResult { status: MatchStatus::Diverged, ..result };
+        }
+        result
     }
 }

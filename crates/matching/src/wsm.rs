@@ -37,9 +37,6 @@ pub struct WsmSettings {
     pub bearing_std_rad: f64,
     /// Magnitude of the range bias, metres.
     pub range_bias_m: f64,
-    /// Length of surface that a point's line is fitted to, metres: long enough that noise does not turn
-    /// it (4 degrees of error at 15 mm of noise and 40 cm).
-    pub surface_length_m: f64,
     /// Factor on the standard deviation of the correspondence error. More than 1 takes weight off the
     /// direction along surfaces, where a pair knows little.
     pub corr_scale: f64,
@@ -80,7 +77,6 @@ impl Default for WsmSettings {
             range_std_m: 0.015,
             bearing_std_rad: 0.0005,
             range_bias_m: 0.0,
-            surface_length_m: 0.4,
             corr_scale: 30.0,
             one_sided: false,
             half_spacing: true,

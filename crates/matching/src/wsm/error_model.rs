@@ -1,5 +1,5 @@
 use super::WsmSettings;
-use crate::{CloudPoint, LineFitSettings, PointCloud, fit_lines};
+use crate::{CloudPoint, PointCloud};
 use geometry::{Matrix2, Vector2};
 use std::f64::consts::FRAC_PI_8;
 
@@ -29,40 +29,9 @@ pub(crate) struct SurfaceLine {
     pub variance: f64,
 }
 
-/// Most neighbours to each side that a surface's line is fitted to.
-const MAX_NEIGHBOURS: usize = 20;
-
-/// The error model of every point of a cloud.
+/// The error model of every point of a cloud that can be used.
 pub(crate) fn weighted_points(cloud: &PointCloud, settings: &WsmSettings) -> Vec<WeightedPoint> {
-    let usable: Vec<&CloudPoint> = cloud.points.iter().filter(|p| is_usable(p)).collect();
-    let hits: Vec<_> = usable.iter().map(|p| (p.position.x, p.position.y, p.range)).collect();
-    let starts_new: Vec<bool> = (0..usable.len())
-        .map(|i| i == 0 || usable[i].beam.wrapping_sub(usable[i - 1].beam).wrapping_sub(1) > 1)
-        .collect();
-    let defaults = LineFitSettings::default();
-    let lines = LineFitSettings {
-        length_m: settings.surface_length_m,
-        max_neighbours: MAX_NEIGHBOURS,
-        // Noise alone must not make a wall look bent.
-        straight_m: defaults.straight_m.max(2.0 * settings.range_std_m),
-        ..defaults
-    };
-    let fits = fit_lines(&hits, &starts_new, settings.range_std_m, &lines);
-    let fitted = usable.iter().zip(fits).map(|(point, fit)| {
-        let Some(fit) = fit else {
-            return weighted_point(point, point.position, None, settings);
-        };
-        let normal = Vector2::new(fit.normal.0, fit.normal.1);
-        let (normal, distance) = if normal.dot(&point.ray) > 0.0 {
-            (-normal, -fit.distance)
-        } else {
-            (normal, fit.distance)
-        };
-        let smoothed = drawn_onto_line(point, normal, distance);
-        let line = SurfaceLine { normal, variance: fit.normal_variance };
-        weighted_point(point, smoothed, Some(line), settings)
-    });
-    fitted.collect()
+    cloud.points.iter().filter(|p| is_usable(p)).map(|p| weighted_point(p, settings)).collect()
 }
 
 /// Where the point's ray meets its surface line.
@@ -70,30 +39,36 @@ pub(crate) fn weighted_points(cloud: &PointCloud, settings: &WsmSettings) -> Vec
 /// Along the ray, not along the normal: the noise is along the ray, so this is where the beam really hit,
 /// while a foot of the perpendicular still carries the noise along the surface. Grazing rays are
 /// not moved farther than by a tenth of their range.
-fn drawn_onto_line(point: &CloudPoint, normal: Vector2<f64>, distance: f64) -> Vector2<f64> {
+fn drawn_onto_line(point: &CloudPoint, normal: Vector2<f64>) -> Vector2<f64> {
     let cos = normal.dot(&point.ray);
-    let shift = if cos.abs() > 1e-3 { distance / cos } else { 0.0 };
+    let shift = if cos.abs() > 1e-3 { point.line_distance / cos } else { 0.0 };
     let limit = 0.1 * point.range;
     point.position - point.ray * shift.clamp(-limit, limit)
 }
 
 fn is_usable(p: &CloudPoint) -> bool {
-    let numbers = [p.position.x, p.position.y, p.range, p.ray.x, p.ray.y, p.beam_step];
-    numbers.iter().all(|v| v.is_finite() && v.abs() < 1e6) && p.range > 0.0
+    let normal = p.normal.unwrap_or_default();
+    let vectors = [p.position, p.ray, normal, Vector2::new(p.normal_variance, p.line_distance)];
+    let sane = |v: f64| v.is_finite() && v.abs() < 1e6;
+    vectors.iter().all(|v| sane(v.x) && sane(v.y))
+        && sane(p.beam_step)
+        && sane(p.range)
+        && p.range > 0.0
 }
 
-fn weighted_point(
-    point: &CloudPoint,
-    smoothed: Vector2<f64>,
-    surface: Option<SurfaceLine>,
-    settings: &WsmSettings,
-) -> WeightedPoint {
+fn weighted_point(point: &CloudPoint, settings: &WsmSettings) -> WeightedPoint {
+    let surface = point.normal.and_then(|normal| {
+        let (normal, variance) = (normal.try_normalize(1e-9)?, point.normal_variance.max(0.0));
+        Some(SurfaceLine { normal, variance })
+    });
+    let position = point.position;
+    let smoothed = surface.map_or(position, |line| drawn_onto_line(point, line.normal));
     let (u, v) = (point.ray, Vector2::new(-point.ray.y, point.ray.x));
     let along = settings.range_std_m.powi(2) + settings.range_bias_m.powi(2);
     let across = (point.range * settings.bearing_std_rad).powi(2);
     let noise = u * u.transpose() * along + v * v.transpose() * across;
     let (spacing, spacing_variance) = sampling(point, surface.as_ref(), settings);
-    WeightedPoint { position: point.position, smoothed, noise, spacing_variance, spacing, surface }
+    WeightedPoint { position, smoothed, noise, spacing_variance, spacing, surface }
 }
 
 /// Distance to the neighbouring samples along the surface, and the variance of the correspondence

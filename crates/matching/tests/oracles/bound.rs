@@ -23,6 +23,8 @@ fn truth(world: &RayCaster, scanner: &Scanner, pose: &Pose2, visible_from: &Pose
             ray,
             range: beam.range,
             normal: Some(beam.normal),
+            normal_variance: 0.0,
+            line_distance: 0.0,
             beam_step: scanner.laser.angle_increment_rad,
             beam: 0,
         })
@@ -62,6 +64,8 @@ fn information_is_the_numeric_derivative_of_the_ranges() {
             ray,
             range: beam.range,
             normal: Some(beam.normal),
+            normal_variance: 0.0,
+            line_distance: 0.0,
             beam_step: 0.0,
             beam: 0,
         });
@@ -78,6 +82,8 @@ fn open_directions_have_no_bound() {
         ray: Vector2::new(x, 2.0).normalize(),
         range: Vector2::new(x, 2.0).norm(),
         normal: Some(Vector2::new(0.0, -1.0)),
+        normal_variance: 0.0,
+        line_distance: 0.0,
         beam_step: 0.01,
         beam: 0,
     };

@@ -1,8 +1,9 @@
 //! Is WSM's covariance honest? Squared Mahalanobis errors (NEES) of many seeds against chi-square.
 
-use crate::rooms::cloud;
 use geometry::{LieGroup, Pose2};
-use manifoldslam_matching::{Matcher, Prior, WsmCovariance, WsmMatcher, WsmSettings};
+use manifoldslam_matching::{
+    Matcher, PointCloud, PointCloudSettings, Prior, WsmCovariance, WsmMatcher, WsmSettings,
+};
 use synthetic::{LaserNoise, Scanner, noisy_room_pair};
 
 /// Median of the chi-square distribution with three degrees of freedom.
@@ -21,7 +22,13 @@ fn run(settings: WsmSettings, scanner: &Scanner, distance: f64, yaw_deg: f64) ->
     for seed in 1000..1300 {
         let pair = noisy_room_pair(seed, scanner, distance, yaw_deg.to_radians());
         let prior = Prior::guess(Pose2::IDENTITY);
-        let result = matcher.align(&cloud(&pair.reference), &cloud(&pair.scan), &prior);
+        let lines = PointCloudSettings {
+            range_std_m: settings.range_std_m,
+            ..PointCloudSettings::default()
+        };
+        let [reference, scan] = [&pair.reference, &pair.scan]
+            .map(|scan| PointCloud::from_scan(scan, &Pose2::IDENTITY, &lines));
+        let result = matcher.align(&reference, &scan, &prior);
         let error = result.pose.between(&pair.truth()).log();
         if !result.status.is_usable() || error.xy().norm() > 0.1 || error.z.abs() > 0.035 {
             failures += 1;

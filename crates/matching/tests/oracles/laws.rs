@@ -234,6 +234,8 @@ fn garbage_never_panics_nor_gives_nan() {
                 ray: Vector2::new(number(1.0), number(1.0)),
                 range: number(10.0),
                 normal: Some(Vector2::new(number(1.0), number(1.0))),
+                normal_variance: number(1.0),
+                line_distance: number(1.0),
                 beam_step: number(0.1),
                 beam: (i as u32).wrapping_mul(if n % 2 == 0 { 1 } else { 0x9999_9999 }),
             })
