@@ -195,6 +195,10 @@ fn set(c: &mut SlamConfig, k: &str, v: f64) {
         "maxn" => c.lines.max_neighbours = v as usize,
         "straight" => c.lines.straight_m = v,
         "smooth" => {}
+        "qd" => c.closing.query_distance_m = v,
+        "qp" => c.closing.query_patches = v as usize,
+        "win" => c.closing.window_m = v,
+        "spacing" => c.closing.spacing_m = v,
         "rr" => c.refit.reach_m = v as f32,
         "minscore" => c.closing.min_score = v as f32,
         "maxw" => c.closing.max_windows = v as usize,

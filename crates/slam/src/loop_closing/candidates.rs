@@ -34,8 +34,8 @@ impl Candidates {
     }
 
     /// The best places for `query`, best first, spaced apart: patches that are not known well enough to
-    /// be in its local submap, but may see the same surfaces. Near ones are ranked by distance; where
-    /// the belief is vaguer than the search box, by the look of the place.
+    /// be in its local submap, but may see the same surfaces. Those within the search box
+    /// around the belief are ranked by distance, those beyond it by the look of the place.
     pub fn of(&mut self, query: PatchId, map: &Map) -> Vec<Candidate> {
         let mut found: Vec<(f64, Candidate)> = Vec::new();
         let known = map.manifold.uncertainty_from(query, f64::INFINITY);
@@ -50,8 +50,8 @@ impl Candidates {
             }
             let Some(belief) = known[patch.id.index()] else { continue };
             let here = patch.island_from_patch.between(&own);
-            let Some(vague) = self.may_overlap(&here, &belief) else { continue };
-            let rank = if vague {
+            let Some(by_look) = self.may_overlap(&here, &belief) else { continue };
+            let rank = if by_look {
                 if !look_due {
                     continue;
                 }
@@ -64,7 +64,7 @@ impl Candidates {
                 here.norm() + here.yaw.abs()
             };
             let patch_from_query = GaussianPose2 { mean: here, ..belief.inverse() };
-            found.push((rank, Candidate { patch: patch.id, patch_from_query, by_look: vague }));
+            found.push((rank, Candidate { patch: patch.id, patch_from_query, by_look }));
         }
         if query_signature.is_some() {
             self.last_look = Some(own);
@@ -74,14 +74,15 @@ impl Candidates {
     }
 
     /// `None` when a patch is known to be elsewhere, or known well enough to be in the local submap;
-    /// else whether the belief is too vague for the search box.
+    /// else whether it lies outside the search box around the belief, so that only its look can tell.
     fn may_overlap(&self, here: &Pose2, belief: &GaussianPose2) -> Option<bool> {
         let s = &self.settings;
         let sigma = (belief.covariance[(0, 0)] + belief.covariance[(1, 1)]).sqrt();
         let precise = 1.96 * sigma < self.limits.translation_m
             && 1.96 * belief.covariance[(2, 2)].sqrt() < self.limits.rotation_rad;
-        let apart = here.norm() - s.reach_m > s.sigmas * sigma;
-        (!precise && !apart).then_some(s.sigmas * sigma > s.window_m)
+        let distance = here.norm() - s.reach_m;
+        let apart = distance > s.sigmas * sigma;
+        (!precise && !apart).then_some(distance > s.window_m)
     }
 
     fn spaced(&self, found: impl Iterator<Item = Candidate>, map: &Map) -> Vec<Candidate> {

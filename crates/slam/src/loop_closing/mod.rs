@@ -33,6 +33,10 @@ pub struct ClosingSettings {
     pub spacing_m: f64,
     /// Half width of the search box, metres; beyond it candidates are chosen by the look of the place.
     pub window_m: f64,
+    /// The query's own surroundings reach this far, metres ...
+    pub query_distance_m: f64,
+    /// ... over at most this many patches.
+    pub query_patches: usize,
     /// A match farther than this from what was believed is implausible, standard deviations.
     pub sigmas_accepted: f64,
     /// Windows that one branch-and-bound search may examine.
@@ -58,11 +62,13 @@ impl Default for ClosingSettings {
             reach_m: 3.0,
             candidates: 3,
             spacing_m: 3.0,
-            window_m: 4.0,
+            window_m: 6.0,
+            query_distance_m: 3.0,
+            query_patches: 4,
             sigmas_accepted: 6.0,
             max_windows: 5_000,
-            min_score: 0.55,
-            share: 0.55,
+            min_score: 0.5,
+            share: 0.5,
             rival: 0.92,
             seen_through: 0.2,
             support: 2,

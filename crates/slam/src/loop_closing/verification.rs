@@ -78,7 +78,11 @@ impl Verifier {
 
     /// Line points of the query's own local submap, thinned, in the query's frame.
     fn surroundings(&self, query: PatchId, map: &Map) -> Vec<LinePoint> {
-        let limits = SubmapLimits { distance_m: 5.0, patches: 12, ..self.limits };
+        let limits = SubmapLimits {
+            distance_m: self.settings.query_distance_m,
+            patches: self.settings.query_patches,
+            ..self.limits
+        };
         let own = map.pose(query);
         let mut taken = BTreeMap::new();
         for member in map.manifold.local_submap(query, &limits) {
