@@ -82,8 +82,8 @@ pub enum Switch {
 #[derive(Debug, ClapArgs)]
 #[command(
     after_help = "The folder holds map.png, map.pgm and map.yaml (ROS map_server), LOG.tum (the base pose \
-    of every scan),\ngraph.g2o, patches.csv, config.toml, metrics.json and report.html. Several logs are mapped \
-    one by one,\neach into its own folder below DIR.\n\n\
+    of every scan), graph.g2o, patches.csv, config.toml, metrics.json and report.html. Several logs are mapped \
+    one by one, each into its own folder below DIR.\n\n\
     Examples:\n  \
     manifoldslam map intel.clf.bz2 -o out/intel\n  \
     manifoldslam map --odometry off aces.clf.bz2 -o out/aces\n  \

@@ -5,8 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes asked of the decompressor at a time.
+/// Bytes asked of the decompressor, or of a plain file, at a time.
 const CHUNK: usize = 256 * 1024;
+/// Bytes asked of a compressed file at a time.
+const PACKED_CHUNK: usize = 32 * 1024;
 
 /// Text of any size, decompressed as it is read.
 pub type LogInput = Box<dyn BufRead + Send>;
@@ -49,7 +51,8 @@ pub fn decompress(mut raw: impl Read + Send + 'static) -> io::Result<LogInput> {
     raw.by_ref().take(4).read_to_end(&mut magic)?;
     let kind = Kind::of(&magic);
     let whole: Chain<Cursor<Vec<u8>>, _> = Cursor::new(magic).chain(raw);
-    let buffered = BufReader::with_capacity(CHUNK, whole);
+    let capacity = if matches!(kind, Kind::Plain) { CHUNK } else { PACKED_CHUNK };
+    let buffered = BufReader::with_capacity(capacity, whole);
     Ok(match kind {
         Kind::Plain => Box::new(buffered),
         Kind::Gzip => Box::new(BufReader::with_capacity(

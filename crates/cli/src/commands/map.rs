@@ -26,29 +26,45 @@ pub fn run(args: &MapArgs, global: &Global) -> Result<Outcome> {
         LogFile::open(log)?;
         jobs.push((log, ResultFolder::create(&target)?, target));
     }
-    let mut outcome = Outcome::Fine;
-    let mut all = Vec::new();
-    let mut text = String::new();
+    let (mut lossy, mut text, mut all, mut failures) =
+        (false, String::new(), Vec::new(), Vec::new());
     for (log, folder, target) in jobs {
-        let start = Instant::now();
-        let file = LogFile::open(log)?;
-        let size = file.size;
-        let reading = Reading::of_file(file, log, read_options(&config))?;
-        let mapped =
-            map_log(reading, size, &config, global).with_context(|| log.display().to_string())?;
-        let stem = stem(log);
-        let metrics = write_result(folder, &stem, log, &mapped, &config, start)?;
-        if mapped.report.is_lossy() {
-            outcome = Outcome::DataLost;
+        // One bad log must not cost the others theirs.
+        match map_one(log, folder, &config, global) {
+            Ok((metrics, is_lossy)) => {
+                lossy |= is_lossy;
+                let _ = writeln!(text, "{}\n{}", metrics.to_text(), where_to_look(&target));
+                all.push(metrics);
+            }
+            Err(error) => failures.push(format!("{error:#}")),
         }
-        let _ = writeln!(text, "{}\n{}", metrics.to_text(), where_to_look(&target));
-        all.push(metrics);
     }
     match &all[..] {
-        [one] => print(global, &text, one)?,
+        [] => {}
+        [one] if args.logs.len() == 1 => print(global, &text, one)?,
         several => print(global, &text, &several)?,
     }
-    Ok(outcome)
+    if !failures.is_empty() {
+        bail!("{}", failures.join("\n"));
+    }
+    Ok(if lossy { Outcome::DataLost } else { Outcome::Fine })
+}
+
+/// Maps one log; true beside the figures when some of it was lost.
+fn map_one(
+    log: &Path,
+    folder: ResultFolder,
+    config: &Config,
+    global: &Global,
+) -> Result<(Metrics, bool)> {
+    let start = Instant::now();
+    let file = LogFile::open(log)?;
+    let size = file.size;
+    let reading = Reading::of_file(file, log, read_options(config))?;
+    let mapped =
+        map_log(reading, size, config, global).with_context(|| log.display().to_string())?;
+    let metrics = write_result(folder, &stem(log), log, &mapped, config, start)?;
+    Ok((metrics, mapped.report.is_lossy()))
 }
 
 /// How logs are read under a configuration.

@@ -77,7 +77,9 @@ fn solve<G: G2oPose<D>, const D: usize>(
     }
     let settings = settings(args);
     let (report, believed) = if args.robust {
-        let robust = RobustSettings { last: settings, ..RobustSettings::new(D) };
+        let mut robust = RobustSettings::new(D);
+        robust.gnc.inner.method = settings.method;
+        robust.gnc.inner.max_iterations = settings.max_iterations;
         let found = optimize_robust(&mut graph, &robust).context("cannot optimise the graph")?;
         (found.report, Some(found.inliers))
     } else {

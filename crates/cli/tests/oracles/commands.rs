@@ -132,6 +132,12 @@ fn several_logs_get_a_folder_each_and_older_results_are_replaced() {
         assert_eq!(metrics.as_array().unwrap().len(), 2);
         assert_eq!(names(&scratch.at("out")), ["one", "two"]);
     }
+    let bad = scratch.file("bad.clf", "nothing\n");
+    let mixed = run(args!["map", "--json", &bad, &one, "-o", scratch.at("mixed")]);
+    assert!(mixed.code == 1 && mixed.err.contains("bad.clf: no scan"), "{}", mixed.err);
+    assert_eq!(names(&scratch.at("mixed")), ["one"], "one bad log costs the others nothing");
+    let metrics: serde_json::Value = serde_json::from_str(&mixed.out).unwrap();
+    assert_eq!(metrics.as_array().unwrap().len(), 1);
     let twice = run(args!["map", &one, &one, "-o", scratch.at("twice")]);
     assert!(twice.code == 1 && twice.err.contains("two logs of this name"), "{}", twice.err);
 }
@@ -203,6 +209,32 @@ fn pose_graphs_are_optimised() {
     let none = scratch.at("none.g2o");
     let ran = run(args!["optimize", &empty, "-o", &none]);
     assert!(ran.code == 1 && !none.exists(), "{}", ran.err);
+}
+
+#[test]
+fn wrong_closures_are_found_and_left_out() {
+    // Three laps around a square of 4 m in steps of 1 m; every place is recognised a lap later.
+    let step = |i: usize| if i % 4 == 3 { "1 0 1.5707963267948966" } else { "1 0 0" };
+    let information = "400 0 0 400 0 1600";
+    let mut graph = String::new();
+    for i in 0..47 {
+        graph += &format!("EDGE_SE2 {i} {} {} {information}\n", i + 1, step(i));
+    }
+    for i in 0..32 {
+        graph += &format!("EDGE_SE2 {i} {} 0 0 0 {information}\n", i + 16);
+    }
+    let right = graph.lines().count();
+    for (a, b) in [(2, 25), (5, 33), (8, 46)] {
+        graph += &format!("EDGE_SE2 {a} {b} 0.3 0.1 0.5 {information}\n");
+    }
+    let scratch = Scratch::new("robust");
+    let (input, output) = (scratch.file("in.g2o", graph), scratch.at("out.g2o"));
+    let ran = run(args!["optimize", "--robust", &input, "-o", &output, "--json"]);
+    assert_eq!(ran.code, 0, "{}", ran.err);
+    let summary: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
+    assert_eq!(summary["rejected_edges"], 3, "{summary}");
+    let text = std::fs::read_to_string(&output).unwrap();
+    assert_eq!(text.lines().filter(|l| l.starts_with("EDGE_SE2")).count(), right);
 }
 
 #[test]
