@@ -4,7 +4,7 @@ use crate::map::Map;
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
 use manifold::{PatchId, Provenance};
 use matching::{FastMatcher, LinePoint, MatchResult, Prior};
-use sensing::Observation;
+use sensing::{Observation, Stamp};
 use std::sync::Arc;
 
 /// Incremental localisation and mapping of one robot (thesis, algorithm 5.2).
@@ -14,6 +14,7 @@ pub(crate) struct FrontEnd {
     matcher: FastMatcher,
     submap: ActiveSubmap,
     anchor_from_base: Pose2,
+    last_stamp: Option<Stamp>,
     last_odometry: Option<Pose2>,
     last_motion: Pose2,
     last_patch: Option<PatchId>,
@@ -41,6 +42,7 @@ impl FrontEnd {
             matcher: FastMatcher { settings: config.matcher },
             submap: ActiveSubmap::new(config.field),
             anchor_from_base: Pose2::IDENTITY,
+            last_stamp: None,
             last_odometry: None,
             last_motion: Pose2::IDENTITY,
             last_patch: None,
@@ -59,12 +61,21 @@ impl FrontEnd {
         let Some(last_patch) = self.last_patch else {
             return self.start_island(observation, scan, map);
         };
-        let motion = self.measure_motion(observation.odom_from_base);
+        let blind = self.blind_secs(observation.stamp);
+        let mut motion = self.measure_motion(observation.odom_from_base);
+        motion.covariance += Matrix3::from_diagonal(
+            &Vector3::from(BLIND_STD_PER_SEC).map(|std| (std * blind).powi(2)),
+        );
         let prior = self.predict(&motion);
         let mut result = self.matcher.align(&self.submap.field, scan, &prior);
-        let poor = result.inlier_ratio < self.config.extension.recover_below;
-        if poor {
-            result = self.recover(scan, &prior, result);
+        let e = &self.config.extension;
+        let poor = result.inlier_ratio < e.recover_below;
+        if poor || blind > 0.0 || result.inlier_ratio < e.explained {
+            let better = self.recover(scan, &prior, result);
+            // A fair fit gives way only to a good one.
+            if poor || better.inlier_ratio > e.explained {
+                result = better;
+            }
         }
         let pose = if result.status.is_usable() { result.pose } else { prior.pose };
         self.note_disagreement(&prior.pose.between(&pose), &motion, &result, poor);
@@ -114,6 +125,14 @@ impl FrontEnd {
 
     fn usable(&self, odometry: Option<Pose2>) -> Option<Pose2> {
         odometry.filter(|_| self.config.odometry.enabled)
+    }
+
+    /// How much longer than usual nothing was seen, seconds. Odometry in such gaps is not to be trusted:
+    /// it may have been held up as well. Stamps that jump back say nothing.
+    fn blind_secs(&mut self, stamp: Stamp) -> f64 {
+        let last = self.last_stamp.replace(stamp).unwrap_or(stamp);
+        let gap = stamp.secs_since(last);
+        if (0.0..MAX_GAP_SECS).contains(&gap) { (gap - USUAL_GAP_SECS).max(0.0) } else { 0.0 }
     }
 
     /// The motion since the last scan: by odometry where there is some, else as before.
@@ -250,6 +269,11 @@ impl FrontEnd {
     }
 }
 
+/// Scans this far apart are nothing unusual, seconds; farther apart than the other, the log was stopped.
+const USUAL_GAP_SECS: f64 = 1.0;
+const MAX_GAP_SECS: f64 = 60.0;
+/// What a robot may have done unseen, per second of a gap: metres, metres, radians.
+const BLIND_STD_PER_SEC: [f64; 3] = [0.1, 0.1, 0.3];
 /// A match this good settles where the robot is, whatever odometry says: metres, metres, radians.
 const DECISIVE_STD: [f64; 3] = [0.05, 0.05, 0.02];
 /// Odometry and match contradict each other beyond this many standard deviations of the motion model.
