@@ -8,8 +8,9 @@ use std::f64::consts::PI;
 const WINDOW: u32 = 25;
 /// Most neighbours one closure is compared with.
 const MAX_TESTS: usize = 200;
-/// Closures expected to be vouched for by chance alone, in the whole graph.
-const EXPECTED_WRONG: f64 = 0.1;
+/// Closures expected to be vouched for by chance alone in the whole graph, were agreements independent.
+/// They are not: who agrees with one closure of a bundle agrees with most of it. Hence a small number.
+const EXPECTED_WRONG: f64 = 1e-3;
 
 /// What the closures of a graph look like as a whole.
 pub(crate) struct Alternative {
@@ -41,39 +42,64 @@ pub(crate) fn supported<G: LieGroup<D>, const D: usize>(
     spine: &Spine<G, D>,
 ) -> (Vec<bool>, f64) {
     let candidates = candidates(graph, spine);
-    let gate = chi2_quantile(D, 0.99);
-    let gate_ball = ball_volume(D) * gate.powf(0.5 * D as f64);
     let range = closure_range(&candidates);
-    let (mut ranges, mut pairs) = (0.0, 0.0);
+    let tests = compare_neighbours(spine, &candidates);
+    let gate = chi2_quantile(D, 0.99) * loop_scale::<D>(&tests);
+    let gate_ball = ball_volume(D) * gate.powf(0.5 * D as f64);
     let (mut agreeing, mut expected) = (vec![0; candidates.len()], vec![0.0; candidates.len()]);
-    for (a, first) in candidates.iter().enumerate() {
-        let mut tests = 0;
-        for (b, second) in candidates.iter().enumerate().skip(a + 1) {
-            if second.order[0] - first.order[0] > WINDOW || tests == MAX_TESTS {
-                break;
-            }
-            if second.order[1].abs_diff(first.order[1]) > WINDOW {
-                continue;
-            }
-            tests += 1;
-            let Some(test) = loop_test(spine, first, second, gate) else { continue };
-            // Residuals of wrong closures spread over what the closures and the legs can reach.
-            let reach = range + test.legs;
-            let chance = (gate_ball * test.box_volume / volume::<D>(reach)).min(1.0);
-            (ranges, pairs) = (ranges + reach, pairs + 1.0);
-            for k in [a, b] {
-                expected[k] += chance;
-                agreeing[k] += usize::from(test.agrees);
-            }
+    let mut reaches = 0.0;
+    for test in &tests {
+        // Residuals of wrong closures spread over what the closures and the legs can reach.
+        let reach = range + test.legs;
+        let chance = (gate_ball * test.box_volume / volume::<D>(reach)).min(1.0);
+        reaches += reach;
+        for k in test.pair {
+            expected[k as usize] += chance;
+            agreeing[k as usize] += usize::from(test.squared <= gate);
         }
     }
     let significance = EXPECTED_WRONG / candidates.len().max(1) as f64;
     let mut answer = vec![false; graph.edges().len()];
-    for (k, candidate) in candidates.iter().enumerate() {
-        answer[candidate.edge] =
-            agreeing[k] > 0 && poisson_tail(expected[k], agreeing[k]) < significance;
+    for ((candidate, agreeing), expected) in candidates.iter().zip(agreeing).zip(expected) {
+        answer[candidate.edge] = agreeing > 0 && poisson_tail(expected, agreeing) < significance;
     }
-    (answer, volume::<D>(if pairs > 0.0 { ranges / pairs } else { range }))
+    let reach = if tests.is_empty() { range } else { reaches / tests.len() as f64 };
+    (answer, volume::<D>(reach))
+}
+
+/// The loops through every closure and those near it; candidates are sorted.
+fn compare_neighbours<G: LieGroup<D>, const D: usize>(
+    spine: &Spine<G, D>,
+    candidates: &[Candidate<G, D>],
+) -> Vec<LoopTest> {
+    let mut tests = vec![];
+    for (a, first) in candidates.iter().enumerate() {
+        let near = candidates.iter().enumerate().skip(a + 1);
+        let near = near
+            .take_while(|(_, second)| second.order[0] - first.order[0] <= WINDOW)
+            .filter(|(_, second)| second.order[1].abs_diff(first.order[1]) <= WINDOW);
+        for (b, second) in near.take(MAX_TESTS) {
+            tests.extend(loop_test(spine, first, second, [a as u32, b as u32]));
+        }
+    }
+    tests
+}
+
+/// How small the loops that agree close, beside what their covariances promise: the ratio of the
+/// medians with a margin of 2.5, between a twentieth and one.
+///
+/// Where covariances are cautious, the plain gate lets in wrong closures whose residuals are many
+/// times those of any right one.
+fn loop_scale<const D: usize>(tests: &[LoopTest]) -> f64 {
+    const FEWEST: usize = 30;
+    let gate = chi2_quantile(D, 0.99);
+    let mut agreeing: Vec<f64> = tests.iter().map(|t| t.squared).filter(|&s| s <= gate).collect();
+    if agreeing.len() < FEWEST {
+        return 1.0;
+    }
+    let middle = agreeing.len() / 2;
+    let median = *agreeing.select_nth_unstable_by(middle, f64::total_cmp).1;
+    (2.5 * median / chi2_quantile(D, 0.5)).clamp(0.05, 1.0)
 }
 
 fn candidates<G: LieGroup<D>, const D: usize>(
@@ -101,7 +127,10 @@ fn candidates<G: LieGroup<D>, const D: usize>(
 
 /// A comparison of two closures.
 struct LoopTest {
-    agrees: bool,
+    /// Their places among the candidates.
+    pair: [u32; 2],
+    /// Squared Mahalanobis length of the loop's residual.
+    squared: f64,
     /// Volume of the one-sigma box of the loop's covariance.
     box_volume: f64,
     /// Length of the trusted paths in the loop, metres as the crow flies.
@@ -113,7 +142,7 @@ fn loop_test<G: LieGroup<D>, const D: usize>(
     spine: &Spine<G, D>,
     a: &Candidate<G, D>,
     b: &Candidate<G, D>,
-    gate: f64,
+    pair: [u32; 2],
 ) -> Option<LoopTest> {
     let start = spine.relative(a.ends[0] as usize, b.ends[0] as usize)?;
     let end = spine.relative(b.ends[1] as usize, a.ends[1] as usize)?;
@@ -121,7 +150,7 @@ fn loop_test<G: LieGroup<D>, const D: usize>(
     let residual = a.measured.mean.between(&path.mean).log();
     let (squared, box_volume) = mahalanobis(&residual, &(path.covariance + a.measured.covariance))?;
     let legs = translation_squared(&start.mean).sqrt() + translation_squared(&end.mean).sqrt();
-    Some(LoopTest { agrees: squared <= gate, box_volume, legs })
+    Some(LoopTest { pair, squared, box_volume, legs })
 }
 
 /// Volume of the unit ball.
