@@ -64,13 +64,14 @@ impl Pose2 {
     /// Distance between the origins of two poses in the same frame, in metres.
     #[inline]
     pub fn distance(&self, other: &Pose2) -> f64 {
-        (self.x - other.x).hypot(self.y - other.y)
+        let (dx, dy) = (self.x - other.x, self.y - other.y);
+        (dx * dx + dy * dy).sqrt()
     }
 
     /// Length of the translation, in metres.
     #[inline]
     pub fn norm(&self) -> f64 {
-        self.x.hypot(self.y)
+        (self.x * self.x + self.y * self.y).sqrt()
     }
 
     /// The coordinates as a vector `(x, y, yaw)`; not the logarithm.

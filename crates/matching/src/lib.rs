@@ -23,6 +23,7 @@
 mod bound;
 mod branch_and_bound;
 mod cloud;
+mod compact_points;
 mod correlative;
 mod fast;
 mod field_matcher;
@@ -43,6 +44,7 @@ pub use bound::{cramer_rao_bound, fisher_information};
 pub use branch_and_bound::BranchAndBoundMatcher;
 pub use cloud::{CloudPoint, PointCloud, PointCloudSettings};
 pub use correlative::CorrelativeMatcher;
+pub use compact_points::CompactPoints;
 pub use fast::{FastMatcher, FastSettings};
 pub use line_fit::{LineFit, LineFitSettings, fit_lines};
 pub use field_matcher::FieldMatcher;

@@ -149,7 +149,9 @@ fn runs(
     for i in 1..=hits.len() {
         let broken = i == hits.len() || starts_new[i] || {
             let (p, q) = (hits[i - 1], hits[i]);
-            (q.0 - p.0).hypot(q.1 - p.1) > s.jump_m + s.jump_ratio * p.2.min(q.2)
+            let (dx, dy) = (q.0 - p.0, q.1 - p.1);
+            let jump = s.jump_m + s.jump_ratio * p.2.min(q.2);
+            dx * dx + dy * dy > jump * jump
         };
         if broken {
             runs.push(start..i);

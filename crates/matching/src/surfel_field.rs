@@ -193,7 +193,7 @@ impl SurfelField {
     /// True when a surface of the map that faces the viewer lies between `from` and `to` (field frame).
     pub fn blocks(&self, from: (f32, f32), to: (f32, f32)) -> bool {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
-        let length = dx.hypot(dy);
+        let length = (dx * dx + dy * dy).sqrt();
         let steps = (length / self.settings.cell_m) as usize;
         let (ux, uy) = (dx / length.max(1e-6), dy / length.max(1e-6));
         let layer = layer_of(-ux, -uy);
@@ -257,7 +257,7 @@ impl SurfelField {
 impl Moments {
     fn line(&self, roughness_m: f32) -> Surfel {
         let inverse = 1.0 / self.weight;
-        let norm = 1.0 / self.nx.hypot(self.ny).max(1e-12);
+        let norm = 1.0 / (self.nx * self.nx + self.ny * self.ny).sqrt().max(1e-12);
         let (nx, ny) = (self.nx * norm, self.ny * norm);
         Surfel {
             nx,

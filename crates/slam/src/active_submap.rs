@@ -40,8 +40,9 @@ impl ActiveSubmap {
     /// a radian of turn is as far as `metres_per_radian`.
     pub fn nearest(&self, anchor_from_base: &Pose2, metres_per_radian: f64) -> (PatchId, Pose2) {
         let cost = |pose: &Pose2| {
-            let delta = pose.between(anchor_from_base);
-            delta.norm() + metres_per_radian * delta.yaw.abs()
+            let (dx, dy) = (pose.x - anchor_from_base.x, pose.y - anchor_from_base.y);
+            let turn = geometry::wrap_angle(pose.yaw - anchor_from_base.yaw).abs();
+            (dx * dx + dy * dy).sqrt() + metres_per_radian * turn
         };
         self.members
             .iter()

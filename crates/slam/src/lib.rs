@@ -17,6 +17,6 @@ mod refit;
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
 pub use event::{Event, Stage, StageObserver, Unobserved};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
-pub use mapper::{Mapper, ScanPose, Statistics};
+pub use mapper::{Mapper, Preparation, PreparedObservation, ScanPose, Statistics};
 pub use motion_model::OdometrySettings;
 pub use refit::{RefitMethod, RefitSettings};

@@ -5,7 +5,7 @@ use crate::refit::{optimise_relations, refit_breadth_first, refit_globally, relo
 use crate::{ClosingStatistics, Event, RefitMethod, SlamConfig, Stage, StageObserver, Unobserved};
 use geometry::{GaussianPose2, Pose2};
 use manifold::{Manifold, PatchId, Provenance};
-use matching::{FastMatcher, LineExtractor, LinePoint};
+use matching::{CompactPoints, FastMatcher, LineExtractor, LinePoint};
 use sensing::Observation;
 use serde::Serialize;
 
@@ -30,7 +30,7 @@ impl ScanPose {
 pub(crate) struct ScanRecord {
     pub pose: ScanPose,
     pub odom_from_base: Option<Pose2>,
-    pub surface: Vec<LinePoint>,
+    pub surface: CompactPoints,
 }
 
 /// Counts of a run.
@@ -52,13 +52,39 @@ pub struct Statistics {
     pub overlaps: usize,
 }
 
+/// The part of a step that needs no map: may run ahead of the mapper, on another thread.
+#[derive(Clone, Debug)]
+pub struct Preparation {
+    lines: LineExtractor,
+}
+
+/// An observation with the surfaces its scan shows.
+#[derive(Clone, Debug)]
+pub struct PreparedObservation {
+    observation: Observation,
+    surface: Vec<LinePoint>,
+}
+
+impl Preparation {
+    /// The preparation a mapper of the same configuration expects.
+    pub fn new(config: &SlamConfig) -> Self {
+        Preparation { lines: LineExtractor::new(config.noise, config.lines) }
+    }
+
+    /// Prepares one observation.
+    pub fn prepare(&mut self, observation: Observation) -> PreparedObservation {
+        let surface = self.lines.extract(&observation.scan, &observation.base_from_laser);
+        PreparedObservation { observation, surface }
+    }
+}
+
 /// One map from a stream of observations.
 ///
 /// Deterministic: the same observations and configuration give the same map, on any number of threads.
 pub struct Mapper {
     config: SlamConfig,
     matcher: FastMatcher,
-    lines: LineExtractor,
+    preparation: Preparation,
     front_end: FrontEnd,
     closer: LoopCloser,
     map: Map,
@@ -79,7 +105,7 @@ impl Mapper {
         Mapper {
             config,
             matcher,
-            lines: LineExtractor::new(config.noise, config.lines),
+            preparation: Preparation::new(&config),
             front_end: FrontEnd::new(config),
             closer: LoopCloser::new(config.closing, config.submap, config.field, matcher),
             map: Map::default(),
@@ -91,15 +117,20 @@ impl Mapper {
 
     /// Takes one observation: localises the robot, extends the map, closes loops.
     pub fn step(&mut self, observation: Observation) -> Vec<Event> {
+        let prepared = self.timed(Stage::Lines, |m| m.preparation.prepare(observation));
+        self.step_prepared(prepared)
+    }
+
+    /// [`Mapper::step`] for an observation prepared elsewhere, on another thread for example.
+    pub fn step_prepared(&mut self, prepared: PreparedObservation) -> Vec<Event> {
+        let PreparedObservation { observation, surface } = prepared;
         let odom_from_base = observation.odom_from_base.filter(|_| self.config.odometry.enabled);
-        let surface = self.timed(Stage::Lines, |m| {
-            m.lines.extract(&observation.scan, &observation.base_from_laser)
+        let found = self.timed(Stage::Localisation, |m| {
+            m.front_end.process(observation, &surface, &mut m.map)
         });
-        let found = self
-            .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
         self.count(&found);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
-        self.scans.push(ScanRecord { pose, odom_from_base, surface });
+        self.scans.push(ScanRecord { pose, odom_from_base, surface: CompactPoints::new(&surface) });
         if found.is_patch {
             self.close_loops(found.patch);
         }

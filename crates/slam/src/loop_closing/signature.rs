@@ -29,7 +29,7 @@ pub(crate) fn signature_of(patch: PatchId, map: &Map, limits: &SubmapLimits) -> 
     for member in map.manifold.local_submap(patch, &limits) {
         let pose = own.between(&map.pose(member.patch));
         for p in map.surface(member.patch).iter().map(LinePoint::mover(&pose)) {
-            let range = p.x.hypot(p.y);
+            let range = (p.x * p.x + p.y * p.y).sqrt();
             let ring = (range / RING_M) as usize;
             if ring >= RINGS || range < 0.2 {
                 continue;

@@ -111,7 +111,7 @@ fn match_group(
     let information = Matrix3::from_diagonal(&std.map(|s| s.powi(-2)));
     let place = |&scan: &usize| {
         let pose = origin.between(&scans[scan].pose.in_map(&map.manifold));
-        let result = matcher.align(scratch, &scans[scan].surface, &Prior { pose, information });
+        let result = matcher.align(scratch, &scans[scan].surface.expand(), &Prior { pose, information });
         let found = result.status.is_usable()
             && result.inlier_ratio > config.refit.overlap_share
             && pose.distance(&result.pose) < LARGEST_MOVE_M;
