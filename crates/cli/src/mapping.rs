@@ -4,10 +4,11 @@ use crate::reading::Reading;
 use crate::terminal::progress;
 use anyhow::{Result, bail};
 use geometry::{Matrix3, Pose2};
-use logs::ReadReport;
+use logs::{LogRecord, ReadReport};
 use manifold::{Manifold, Provenance};
 use optimizer::{Edge, EdgeKind, PoseGraph};
-use slam::{Mapper, Stage, StageObserver};
+use sensing::Stamp;
+use slam::{Mapper, Preparation, PreparedObservation, SlamConfig, Stage, StageObserver};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -64,8 +65,30 @@ impl StageObserver for StageClock {
     }
 }
 
+/// A scan on its way from the reader to the mapper.
+pub struct PreparedScan {
+    stamp: Stamp,
+    stamp_text: String,
+    prepared: PreparedObservation,
+}
+
+/// What the reading thread does with every scan, so that the mapper has less to do.
+pub fn preparing(config: &SlamConfig) -> impl FnMut(LogRecord) -> PreparedScan + Send + use<> {
+    let mut preparation = Preparation::new(config);
+    move |record| PreparedScan {
+        stamp: record.observation.stamp,
+        stamp_text: record.stamp_text,
+        prepared: preparation.prepare(record.observation),
+    }
+}
+
 /// Maps a log of `size` bytes (0 where unknown) while it is being read.
-pub fn map_log(reading: Reading, size: u64, config: &Config, global: &Global) -> Result<MappedLog> {
+pub fn map_log(
+    reading: Reading<PreparedScan>,
+    size: u64,
+    config: &Config,
+    global: &Global,
+) -> Result<MappedLog> {
     let bar = progress(global, size, "mapping {wide_bar} {percent:>3} % {msg} {eta}");
     let clock = StageClock::default();
     let mut mapper = Mapper::observed(config.slam, Box::new(clock.clone()));
@@ -76,10 +99,10 @@ pub fn map_log(reading: Reading, size: u64, config: &Config, global: &Global) ->
         let asked = Instant::now();
         let Some(record) = records.next() else { break };
         waiting += asked.elapsed();
-        first = first.min(record.observation.stamp.0);
-        last = last.max(record.observation.stamp.0);
+        first = first.min(record.stamp.0);
+        last = last.max(record.stamp.0);
         let patches = mapper.manifold().patches().len();
-        mapper.step(record.observation);
+        mapper.step_prepared(record.prepared);
         patch_scans.resize(mapper.manifold().patches().len(), patch_scans.len());
         for scan in &mut patch_scans[patches..] {
             *scan = stamps.len();

@@ -12,34 +12,50 @@ const BATCH: usize = 32;
 /// Batches that may wait; then the reader waits, so that memory stays bounded.
 const WAITING: usize = 16;
 
-/// A log that is read and decompressed on a thread of its own while its scans are being used.
-pub struct Reading {
-    receiver: Receiver<Vec<LogRecord>>,
+/// A log that is read, decompressed and prepared on a thread of its own while its scans are being used.
+///
+/// `T` is what the preparation makes of each scan.
+pub struct Reading<T> {
+    receiver: Receiver<Vec<T>>,
     thread: JoinHandle<(ReadReport, Duration)>,
     position: Arc<AtomicU64>,
 }
 
-impl Reading {
+impl<T: Send + 'static> Reading<T> {
     /// Starts reading an open file.
-    pub fn of_file(file: LogFile, path: &Path, options: ReadOptions) -> Result<Self> {
+    pub fn of_file(
+        file: LogFile,
+        path: &Path,
+        options: ReadOptions,
+        prepare: impl FnMut(LogRecord) -> T + Send + 'static,
+    ) -> Result<Self> {
         let position = file.position;
         let reader = CarmenReader::new(file.input, options).with_name(path);
-        Self::start(reader, position)
+        Self::start(reader, position, prepare)
     }
 
     /// Starts reading from memory.
-    pub fn of_text(text: Vec<u8>, name: &Path, options: ReadOptions) -> Result<Self> {
+    pub fn of_text(
+        text: Vec<u8>,
+        name: &Path,
+        options: ReadOptions,
+        prepare: impl FnMut(LogRecord) -> T + Send + 'static,
+    ) -> Result<Self> {
         let input: LogInput = Box::new(std::io::Cursor::new(text));
-        Self::start(CarmenReader::new(input, options).with_name(name), Arc::default())
+        Self::start(CarmenReader::new(input, options).with_name(name), Arc::default(), prepare)
     }
 
-    fn start(mut reader: CarmenReader<LogInput>, position: Arc<AtomicU64>) -> Result<Self> {
+    fn start(
+        mut reader: CarmenReader<LogInput>,
+        position: Arc<AtomicU64>,
+        mut prepare: impl FnMut(LogRecord) -> T + Send + 'static,
+    ) -> Result<Self> {
         let (sender, receiver) = sync_channel(WAITING);
         let work = move || {
             let mut busy = Duration::ZERO;
             loop {
                 let start = Instant::now();
-                let batch: Vec<LogRecord> = reader.by_ref().take(BATCH).collect();
+                let batch: Vec<T> = reader.by_ref().take(BATCH).map(&mut prepare).collect();
                 busy += start.elapsed();
                 // Nobody takes the scans any more when mapping has failed.
                 if batch.is_empty() || sender.send(batch).is_err() {
@@ -52,7 +68,7 @@ impl Reading {
     }
 
     /// The scans, in the log's order.
-    pub fn records(&self) -> impl Iterator<Item = LogRecord> {
+    pub fn records(&self) -> impl Iterator<Item = T> {
         self.receiver.iter().flatten()
     }
 

@@ -2,7 +2,7 @@ use crate::Outcome;
 use crate::args::{DemoArgs, Global};
 use crate::commands::map::{read_options, where_to_look, write_result};
 use crate::config::Config;
-use crate::mapping::map_log;
+use crate::mapping::{map_log, preparing};
 use crate::reading::Reading;
 use crate::result_folder::ResultFolder;
 use crate::scoring::AteScore;
@@ -28,7 +28,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
 
     let start = Instant::now();
     let path = args.output.join("demo.clf");
-    let reading = Reading::of_text(log, &path, read_options(&config))?;
+    let reading = Reading::of_text(log, &path, read_options(&config), preparing(&config.slam))?;
     let mapped = map_log(reading, 0, &config, global)?;
     let mut truth = Vec::new();
     let stamps = mapped.stamps.iter().map(String::as_str);

@@ -2,7 +2,7 @@ use crate::Outcome;
 use crate::args::{Global, MapArgs};
 use crate::config::Config;
 use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
-use crate::mapping::{MappedLog, map_log, pose_graph};
+use crate::mapping::{MappedLog, map_log, pose_graph, preparing};
 use crate::metrics::Metrics;
 use crate::reading::Reading;
 use crate::result_folder::{METRICS, ResultFolder};
@@ -60,7 +60,7 @@ fn map_one(
     let start = Instant::now();
     let file = LogFile::open(log)?;
     let size = file.size;
-    let reading = Reading::of_file(file, log, read_options(config))?;
+    let reading = Reading::of_file(file, log, read_options(config), preparing(&config.slam))?;
     let mapped =
         map_log(reading, size, config, global).with_context(|| log.display().to_string())?;
     let metrics = write_result(folder, &stem(log), log, &mapped, config, start)?;
