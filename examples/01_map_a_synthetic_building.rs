@@ -36,7 +36,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     assert_eq!(mapper.manifold().islands().len(), 1, "one robot that never got lost: one island");
 
     // 4. Every scan has a pose, not only the patches. The map's frame is that of the first scan, so
-    //    the truth is looked at from there; odometry begins there by itself.
+    //    the truth is looked at from there; odometry begins there by itself. (How well the first
+    //    scan's own pose is known is thus part of the error; `eval ate` aligns first.)
     let trajectory = mapper.trajectory();
     assert_eq!(trajectory.len(), run.truth.len());
     let truth = run.truth.iter().map(|pose| run.truth[0].between(pose));
