@@ -1,7 +1,17 @@
-"""Small random graphs and GTSAM's answers to them."""
-import gtsam, random, math, sys
+"""Small random graphs and GTSAM's answers to them: the fixtures of the optimizer crate.
+
+usage: make_fixtures.py FOLDER, with gtsam 4.3.0 and numpy installed.
+"""
+import gtsam, os, random, math, sys
 out = sys.argv[1]
 def g2o(path, lines): open(path,'w').write("\n".join(lines)+"\n")
+def read(path, space):
+    """GTSAM's reader does not know FIX."""
+    bare = path + ".bare"
+    g2o(bare, [l for l in open(path).read().splitlines() if not l.startswith("FIX")])
+    answer = gtsam.readG2o(bare, space)
+    os.remove(bare)
+    return answer
 def f(x): return repr(float(x))
 random.seed(20061)
 n=40
@@ -19,7 +29,7 @@ for a,b in pairs:
     if b==a+1: chain.append(chain[-1].compose(z))
 for k,p in enumerate(chain): lines.append("VERTEX_SE2 %d %s %s %s"%(k,f(p.x()),f(p.y()),f(p.theta())))
 g2o(out+"/plane.g2o",lines+["FIX 0"]+edges)
-graph,init=gtsam.readG2o(out+"/plane.g2o",False)
+graph,init=read(out+"/plane.g2o",False)
 p=gtsam.LevenbergMarquardtParams(); p.setRelativeErrorTol(1e-14); p.setAbsoluteErrorTol(1e-14); p.setMaxIterations(100)
 h=gtsam.NonlinearFactorGraph(graph); h.add(gtsam.NonlinearEqualityPose2(0,init.atPose2(0)))
 r=gtsam.LevenbergMarquardtOptimizer(h,init,p).optimize()
@@ -27,9 +37,12 @@ res=["chi2 start %s end %s"%(f(2*graph.error(init)),f(2*graph.error(r)))]
 for k in (1,13,27,39):
     q=r.atPose2(k); res.append("pose %d %s %s %s"%(k,f(q.x()),f(q.y()),f(q.theta())))
 hp=gtsam.NonlinearFactorGraph(graph); hp.add(gtsam.PriorFactorPose2(0,init.atPose2(0),gtsam.noiseModel.Diagonal.Sigmas([1e-7]*3)))
-m=gtsam.Marginals(hp,r)
+import numpy as np
+H=hp.linearize(r).hessian()[0]
+S=np.linalg.inv(H)
 for k in (13,39):
-    res.append("covariance %d "%k+" ".join(f(x) for x in m.marginalCovariance(k).flatten()))
+    res.append("covariance %d %d "%(k,k)+" ".join(f(x) for x in S[3*k:3*k+3,3*k:3*k+3].flatten()))
+res.append("covariance 13 39 "+" ".join(f(x) for x in S[39:42,117:120].flatten()))
 g2o(out+"/plane.gtsam.txt",res)
 # SE(3)
 n=25
@@ -51,7 +64,7 @@ for a,b in pairs:
     edges.append("EDGE_SE3:QUAT %d %d %s %s"%(a,b,wr(z)," ".join(f(x) for x in info)))
     if b==a+1: chain.append(chain[-1].compose(z))
 g2o(out+"/space.g2o",["VERTEX_SE3:QUAT %d %s"%(k,wr(q)) for k,q in enumerate(chain)]+["FIX 0"]+edges)
-graph,init=gtsam.readG2o(out+"/space.g2o",True)
+graph,init=read(out+"/space.g2o",True)
 h=gtsam.NonlinearFactorGraph(graph); h.add(gtsam.NonlinearEqualityPose3(0,init.atPose3(0)))
 r=gtsam.LevenbergMarquardtOptimizer(h,init,p).optimize()
 res=["chi2 start %s end %s"%(f(2*graph.error(init)),f(2*graph.error(r)))]
