@@ -2,8 +2,10 @@
 //!
 //! A [`PoseGraph`] holds poses (`map_from_node`) and measured relative poses with their
 //! information. An [`Optimizer`] finds the most likely poses by damped Gauss-Newton; it keeps the
-//! symbolic analysis, so that calling it again on a graph of the same structure is cheap. Wrong
-//! closures are met with robust kernels ([`Kernel`]).
+//! symbolic analysis, so that calling it again on a graph of the same structure is cheap, and
+//! answers for covariances ([`Optimizer::marginals`]). Wrong closures are met with robust kernels
+//! ([`Kernel`]), graduated non-convexity ([`optimize_gnc`]), consistent sets ([`consistent_set`]),
+//! or all at once when most of them may be wrong ([`optimize_robust`]).
 //!
 //! Everything is generic over the group: SE(2) (`Pose2`, 3) and SE(3) (`Pose3`, 6).
 //! The equations are derived in `docs/math/pose-graph.md`.
