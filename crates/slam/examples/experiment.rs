@@ -114,11 +114,56 @@ fn main() {
         let tm = std::sync::Arc::new(std::sync::Mutex::new(Default::default()));
         let t0 = Instant::now();
         let mut m = Mapper::observed(config, Box::new(Timer { open: vec![], sum: tm.clone() }));
-        let reference: Vec<Pose2> = std::env::var("REF").ok().and_then(|d| std::fs::read_to_string(format!("{d}/{name}.traj")).ok()).map(|t| t.lines().map(|l| { let v: Vec<f64>=l.split(' ').map(|x| x.parse().unwrap()).collect(); Pose2::new(v[1],v[2],v[3]) }).collect()).unwrap_or_default();
-        let mut scan_of: Vec<usize> = vec![]; let (mut wrong, mut total) = (0, 0);
-        for (i,o) in obs.into_iter().enumerate() { for e in m.step(o) { if let Event::Map(c)=e { match c { manifold::Change::PatchAdded(_) => scan_of.push(i), manifold::Change::RelationAdded(r) if r.provenance==manifold::Provenance::LoopClosure && !reference.is_empty() => {
-            let (a,b)=(scan_of[r.from.index()],scan_of[r.to.index()]); let t=reference[a].between(&reference[b]); let e=t.between(&r.from_from_to.mean); total+=1; let bad=e.norm()>0.3||e.yaw.abs()>0.1; if bad {wrong+=1;} if bad||std::env::var("VC").is_ok() { println!("  closure {a}->{b} err {:.2} {:.3} sig {:.3} {:.3} {:.4}", e.norm(), e.yaw, r.from_from_to.covariance[(0,0)].sqrt(), r.from_from_to.covariance[(1,1)].sqrt(), r.from_from_to.covariance[(2,2)].sqrt()); } } _=>{} } } } }
-        if total>0 { println!("  closures {total} wrong {wrong}"); }
+        let reference: Vec<Pose2> = std::env::var("REF")
+            .ok()
+            .and_then(|d| std::fs::read_to_string(format!("{d}/{name}.traj")).ok())
+            .map(|t| {
+                t.lines()
+                    .map(|l| {
+                        let v: Vec<f64> = l.split(' ').map(|x| x.parse().unwrap()).collect();
+                        Pose2::new(v[1], v[2], v[3])
+                    })
+                    .collect()
+            })
+            .unwrap_or_default();
+        let mut scan_of: Vec<usize> = vec![];
+        let (mut wrong, mut total) = (0, 0);
+        for (i, o) in obs.into_iter().enumerate() {
+            for e in m.step(o) {
+                if let Event::Map(c) = e {
+                    match c {
+                        manifold::Change::PatchAdded(_) => scan_of.push(i),
+                        manifold::Change::RelationAdded(r)
+                            if r.provenance == manifold::Provenance::LoopClosure
+                                && !reference.is_empty() =>
+                        {
+                            let (a, b) = (scan_of[r.from.index()], scan_of[r.to.index()]);
+                            let t = reference[a].between(&reference[b]);
+                            let e = t.between(&r.from_from_to.mean);
+                            total += 1;
+                            let bad = e.norm() > 0.3 || e.yaw.abs() > 0.1;
+                            if bad {
+                                wrong += 1;
+                            }
+                            if bad || std::env::var("VC").is_ok() {
+                                println!(
+                                    "  closure {a}->{b} err {:.2} {:.3} sig {:.3} {:.3} {:.4}",
+                                    e.norm(),
+                                    e.yaw,
+                                    r.from_from_to.covariance[(0, 0)].sqrt(),
+                                    r.from_from_to.covariance[(1, 1)].sqrt(),
+                                    r.from_from_to.covariance[(2, 2)].sqrt()
+                                );
+                            }
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+        if total > 0 {
+            println!("  closures {total} wrong {wrong}");
+        }
         let dt = t0.elapsed().as_secs_f64();
         println!(
             "{name:10} front {:.3}s patches {} {}",
@@ -153,20 +198,40 @@ fn main() {
     }
 }
 type Sums = std::sync::Arc<std::sync::Mutex<std::collections::BTreeMap<Stage, f64>>>;
-struct Timer { open: Vec<(f64,f64)>, sum: Sums }
+struct Timer {
+    open: Vec<(f64, f64)>,
+    sum: Sums,
+}
 fn cpu() -> (f64, f64) {
     let t = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
     let main: f64 = t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9;
     let mut all = 0.0;
-    for e in std::fs::read_dir("/proc/self/task").unwrap() { if let Ok(t) = std::fs::read_to_string(e.unwrap().path().join("schedstat")) { all += t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9; } }
+    for e in std::fs::read_dir("/proc/self/task").unwrap() {
+        if let Ok(t) = std::fs::read_to_string(e.unwrap().path().join("schedstat")) {
+            all += t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9;
+        }
+    }
     (main, all)
 }
 impl StageObserver for Timer {
-    fn begin(&mut self, s: Stage) { let par = matches!(s, Stage::Refit | Stage::Relocalisation); self.open.push(if par { cpu() } else { let t = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap(); (t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9, 0.0) }); }
+    fn begin(&mut self, s: Stage) {
+        let par = matches!(s, Stage::Refit | Stage::Relocalisation);
+        self.open.push(if par {
+            cpu()
+        } else {
+            let t = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+            (t.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9, 0.0)
+        });
+    }
     fn end(&mut self, s: Stage) {
         let par = matches!(s, Stage::Refit | Stage::Relocalisation);
         let t = self.open.pop().unwrap();
-        let d = if par { cpu().1 - t.1 } else { let u = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap(); u.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9 - t.0 };
+        let d = if par {
+            cpu().1 - t.1
+        } else {
+            let u = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+            u.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9 - t.0
+        };
         *self.sum.lock().unwrap().entry(s).or_default() += d;
     }
 }
@@ -195,6 +260,9 @@ fn set(c: &mut SlamConfig, k: &str, v: f64) {
         "maxn" => c.lines.max_neighbours = v as usize,
         "straight" => c.lines.straight_m = v,
         "smooth" => {}
+        "lstd" => c.closing.largest_std_m = v,
+        "caution" => c.closing.caution = v,
+        "support" => c.closing.support = v as usize,
         "qd" => c.closing.query_distance_m = v,
         "qp" => c.closing.query_patches = v as usize,
         "win" => c.closing.window_m = v,

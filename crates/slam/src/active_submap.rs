@@ -21,12 +21,22 @@ impl ActiveSubmap {
 
     /// Gathers the local submap of `anchor` and lays its field, with room to drive on by `margin_m`.
     pub fn rebuild(&mut self, map: &Map, anchor: PatchId, limits: &SubmapLimits, margin_m: f64) {
+        self.gather(map, anchor, limits);
+        self.lay(map, margin_m);
+    }
+
+    /// Gathers the local submap of `anchor`; its field stays as it was until [`ActiveSubmap::lay`].
+    pub fn gather(&mut self, map: &Map, anchor: PatchId, limits: &SubmapLimits) {
         let anchor_pose = map.pose(anchor);
         let submap = map.manifold.local_submap(anchor, limits);
         let seen = |patch: PatchId| (patch, anchor_pose.between(&map.pose(patch)));
         self.anchor = anchor;
         self.members = submap.iter().map(|m| seen(m.patch)).collect();
         self.members.sort_by_key(|m| m.0);
+    }
+
+    /// Lays the field of the members, with room to drive on by `margin_m`.
+    pub fn lay(&mut self, map: &Map, margin_m: f64) {
         lay_field(&mut self.field, map, &self.members, margin_m);
     }
 

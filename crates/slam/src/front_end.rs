@@ -71,7 +71,8 @@ impl FrontEnd {
         let e = &self.config.extension;
         let poor = result.inlier_ratio < e.recover_below;
         if poor || blind > 0.0 || result.inlier_ratio < e.explained {
-            let better = self.recover(scan, &prior, result);
+            let rings = if poor || blind > 0.0 { ALL_RINGS } else { FEW_RINGS };
+            let better = self.recover(scan, &prior, result, rings);
             // A fair fit gives way only to a good one.
             if poor || better.inlier_ratio > e.explained {
                 result = better;
@@ -196,11 +197,17 @@ impl FrontEnd {
     /// Tries other starting points when the fit from the prior is poor: odometry may have slipped,
     /// frozen or jumped. Turns are tried in growing rings, and the first ring with a good fit wins:
     /// indoors a wrong turn of 90 or 180 degrees often fits as well as the right small one.
-    fn recover(&self, scan: &[LinePoint], prior: &Prior, first: MatchResult) -> MatchResult {
+    fn recover(
+        &self,
+        scan: &[LinePoint],
+        prior: &Prior,
+        first: MatchResult,
+        rings: u32,
+    ) -> MatchResult {
         let e = &self.config.extension;
         let starts = [self.anchor_from_base * self.last_motion, self.anchor_from_base, prior.pose];
         let mut best = first;
-        for ring in 0..=9 {
+        for ring in 0..rings {
             let turn = (10.0 * f64::from(ring)).to_radians();
             for (start, turn) in starts.iter().flat_map(|s| [(s, turn), (s, -turn)]) {
                 let guess = Prior::guess(*start * Pose2::new(0.0, 0.0, turn));
@@ -269,6 +276,9 @@ impl FrontEnd {
     }
 }
 
+/// Rings of ten degrees that are searched after a poor fit, and after a fair one.
+const ALL_RINGS: u32 = 10;
+const FEW_RINGS: u32 = 3;
 /// Scans this far apart are nothing unusual, seconds; farther apart than the other, the log was stopped.
 const USUAL_GAP_SECS: f64 = 1.0;
 const MAX_GAP_SECS: f64 = 60.0;

@@ -1,5 +1,5 @@
 use crate::front_end::{FrontEnd, Localisation};
-use crate::loop_closing::LoopCloser;
+use crate::loop_closing::{Closure, LoopCloser};
 use crate::map::Map;
 use crate::refit::{optimise_relations, refit_breadth_first, refit_globally, relocalise};
 use crate::{ClosingStatistics, Event, RefitMethod, SlamConfig, Stage, StageObserver, Unobserved};
@@ -125,9 +125,8 @@ impl Mapper {
     pub fn step_prepared(&mut self, prepared: PreparedObservation) -> Vec<Event> {
         let PreparedObservation { observation, surface } = prepared;
         let odom_from_base = observation.odom_from_base.filter(|_| self.config.odometry.enabled);
-        let found = self.timed(Stage::Localisation, |m| {
-            m.front_end.process(observation, &surface, &mut m.map)
-        });
+        let found = self
+            .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
         self.count(&found);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
         self.scans.push(ScanRecord { pose, odom_from_base, surface: CompactPoints::new(&surface) });
@@ -141,8 +140,9 @@ impl Mapper {
 
     /// The global pass over everything observed. More observations may follow, and another pass.
     pub fn finish(&mut self) -> Vec<Event> {
-        self.closer.finish();
         self.optimise();
+        self.look_again();
+        self.closer.finish();
         let measured = self.timed(Stage::Refit, |m| match m.config.refit.method {
             RefitMethod::Global => refit_globally(&mut m.map, &m.config),
             RefitMethod::BreadthFirst => {
@@ -185,18 +185,38 @@ impl Mapper {
     /// Looks for loops that end at a new patch; re-estimates the map when one moves it.
     fn close_loops(&mut self, patch: PatchId) {
         let closures = self.timed(Stage::LoopClosing, |m| m.closer.search(patch, &m.map));
+        if self.relate(&closures) {
+            self.optimise();
+            self.front_end.relocate(&self.map, patch);
+        }
+    }
+
+    /// Adds closures to the map; true when one of them moves it noticeably.
+    fn relate(&mut self, closures: &[Closure]) -> bool {
         let mut moved = false;
         for closure in closures {
-            let covariance = self.config.relation_covariance(&closure.result.covariance, None);
+            let matched = closure.result.covariance * self.config.closing.caution;
+            let covariance = self.config.relation_covariance(&matched, None);
             let relation = GaussianPose2 { mean: closure.result.pose, covariance };
             let (from, to) = (closure.from, closure.to);
             self.map.manifold.relate(from, to, relation, Provenance::LoopClosure);
             moved |=
                 closure.shift.norm() > NOTICEABLE_M || closure.shift.yaw.abs() > NOTICEABLE_RAD;
         }
-        if moved {
+        moved
+    }
+
+    /// Searches once more from every patch: the map is known better now than when each was new, and what
+    /// was too vague to find then may be near at hand.
+    fn look_again(&mut self) {
+        let patches: Vec<PatchId> = self.map.manifold.patches().iter().map(|p| p.id).collect();
+        let before = self.closer.statistics.accepted;
+        for patch in patches {
+            let closures = self.timed(Stage::LoopClosing, |m| m.closer.search(patch, &m.map));
+            self.relate(&closures);
+        }
+        if self.closer.statistics.accepted > before {
             self.optimise();
-            self.front_end.relocate(&self.map, patch);
         }
     }
 

@@ -41,9 +41,8 @@ impl Candidates {
         let known = map.manifold.uncertainty_from(query, f64::INFINITY);
         let own = map.pose(query);
         let mut query_signature = None;
-        let look_due = self
-            .last_look
-            .is_none_or(|last| last.distance(&own) >= self.settings.spacing_m);
+        let look_due =
+            self.last_look.is_none_or(|last| last.distance(&own) >= self.settings.spacing_m);
         for patch in map.manifold.patches() {
             if patch.id.0.abs_diff(query.0) < SETTLED_PATCHES {
                 continue;

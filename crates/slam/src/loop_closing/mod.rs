@@ -49,6 +49,11 @@ pub struct ClosingSettings {
     pub rival: f64,
     /// Largest share of sight lines that may pass through walls of the candidate's submap.
     pub seen_through: f64,
+    /// A closure's covariance is this many times that of a match where the robot has been all along: the
+    /// right corridor may still be matched at the wrong door.
+    pub caution: f64,
+    /// A closure known less well than this along any axis says too little to be worth its risk, metres.
+    pub largest_std_m: f64,
     /// Closures that must agree with a new one that moves the map.
     pub support: usize,
 }
@@ -71,6 +76,8 @@ impl Default for ClosingSettings {
             share: 0.5,
             rival: 0.92,
             seen_through: 0.2,
+            caution: 4.0,
+            largest_std_m: 0.4,
             support: 2,
         }
     }
@@ -101,6 +108,8 @@ pub enum Rejection {
     PoorFit,
     /// The match lies too far from what was believed.
     Implausible,
+    /// One direction is hardly observed: a corridor.
+    Degenerate,
     /// The query saw through walls of the candidate's submap.
     SeenThrough,
     /// No consistent set of closures formed around it.
@@ -126,6 +135,8 @@ pub struct ClosingStatistics {
     pub seen_through: usize,
     /// See [`Rejection::Implausible`].
     pub implausible: usize,
+    /// See [`Rejection::Degenerate`].
+    pub degenerate: usize,
     /// See [`Rejection::Unsupported`].
     pub unsupported: usize,
 }
@@ -138,6 +149,7 @@ impl ClosingStatistics {
             Rejection::PoorFit => &mut self.poor_fit,
             Rejection::SeenThrough => &mut self.seen_through,
             Rejection::Implausible => &mut self.implausible,
+            Rejection::Degenerate => &mut self.degenerate,
             Rejection::Unsupported => &mut self.unsupported,
         } += 1;
     }

@@ -8,7 +8,6 @@ use matching::{
     FastMatcher, FieldSettings, LikelihoodPyramid, LikelihoodSettings, LinePoint, MatchResult,
     Prior, SearchSettings, SearchWindow,
 };
-use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 /// Compares the surroundings of a query with a candidate's local submap.
@@ -41,12 +40,13 @@ impl Verifier {
         candidate: &Candidate,
         map: &Map,
     ) -> Result<Closure, Rejection> {
-        self.submap.rebuild(map, candidate.patch, &self.limits, 1.0);
+        self.submap.gather(map, candidate.patch, &self.limits);
         let surroundings = self.surroundings(query, map);
         let found = self.search(&surroundings, candidate, map);
         if found.is_empty() {
             return Err(Rejection::NotFound);
         }
+        self.submap.lay(map, 1.0);
         let mut fits: Vec<MatchResult> =
             found.iter().map(|pose| self.refine(&surroundings, pose)).collect();
         fits.sort_by(|a, b| b.inlier_ratio.total_cmp(&a.inlier_ratio));
@@ -69,6 +69,10 @@ impl Verifier {
         if self.seen_through(query, &best.pose, map) > self.settings.seen_through {
             return Err(Rejection::SeenThrough);
         }
+        let spread = |i: usize| (best.covariance[(i, i)] * self.settings.caution * 10.0).sqrt();
+        if spread(0).max(spread(1)) > self.settings.largest_std_m {
+            return Err(Rejection::Degenerate);
+        }
         let closure = closure(query, candidate, best);
         if closure.surprise > self.settings.sigmas_accepted.powi(2) {
             return Err(Rejection::Implausible);
@@ -84,17 +88,13 @@ impl Verifier {
             ..self.limits
         };
         let own = map.pose(query);
-        let mut taken = BTreeMap::new();
-        for member in map.manifold.local_submap(query, &limits) {
-            let pose = own.between(&map.pose(member.patch));
-            let mover = LinePoint::mover(&pose);
-            for p in map.surface(member.patch) {
-                let moved = mover(p);
-                let key = |v: f32| (v / THINNING_M).floor() as i32;
-                taken.entry((key(moved.x), key(moved.y))).or_insert(moved);
-            }
-        }
-        taken.into_values().collect()
+        let members: Vec<(PatchId, Pose2)> = map
+            .manifold
+            .local_submap(query, &limits)
+            .iter()
+            .map(|m| (m.patch, own.between(&map.pose(m.patch))))
+            .collect();
+        thinned(&members, map, THINNING_M)
     }
 
     /// Grid poses of the query in the candidate's frame by branch and bound, best first.
@@ -157,6 +157,20 @@ impl Verifier {
         }
         blocked as f64 / lines.max(1) as f64
     }
+}
+
+/// The surfaces of `members`, one point in each square of side `cell_m`, ordered by square.
+fn thinned(members: &[(PatchId, Pose2)], map: &Map, cell_m: f32) -> Vec<LinePoint> {
+    let key = |v: f32| ((v / cell_m).floor() as i32).wrapping_sub(i32::MIN / 2) as u32;
+    let mut points: Vec<(u64, LinePoint)> = members
+        .iter()
+        .flat_map(|(patch, pose)| map.surface(*patch).iter().map(LinePoint::mover(pose)))
+        .map(|p| ((u64::from(key(p.y)) << 32) | u64::from(key(p.x)), p))
+        .collect();
+    // Stable: the first point of a square stays.
+    points.sort_by_key(|(square, _)| *square);
+    points.dedup_by_key(|(square, _)| *square);
+    points.into_iter().map(|(_, p)| p).collect()
 }
 
 fn closure(query: PatchId, candidate: &Candidate, result: MatchResult) -> Closure {

@@ -17,11 +17,7 @@ const SMOOTHING_ITERATIONS: usize = 3;
 
 /// Places every scan in the refitted map: each is matched with the patches around it, and the whole
 /// trajectory is then estimated from these matches and the odometry between scans.
-pub(crate) fn relocalise(
-    map: &Map,
-    scans: &mut [ScanRecord],
-    config: &SlamConfig,
-) {
+pub(crate) fn relocalise(map: &Map, scans: &mut [ScanRecord], config: &SlamConfig) {
     let matcher = &config.refit_matcher();
     let groups = group_patches(map, config.refit.group_radius_m);
     let mut group_of = vec![0; map.manifold.patches().len()];
@@ -111,7 +107,8 @@ fn match_group(
     let information = Matrix3::from_diagonal(&std.map(|s| s.powi(-2)));
     let place = |&scan: &usize| {
         let pose = origin.between(&scans[scan].pose.in_map(&map.manifold));
-        let result = matcher.align(scratch, &scans[scan].surface.expand(), &Prior { pose, information });
+        let result =
+            matcher.align(scratch, &scans[scan].surface.expand(), &Prior { pose, information });
         let found = result.status.is_usable()
             && result.inlier_ratio > config.refit.overlap_share
             && pose.distance(&result.pose) < LARGEST_MOVE_M;
