@@ -206,25 +206,30 @@ impl FrontEnd {
     ) -> MatchResult {
         let e = &self.config.extension;
         let starts = [self.anchor_from_base * self.last_motion, self.anchor_from_base, prior.pose];
+        let thinned: Vec<LinePoint> = scan.iter().step_by(RECOVERY_STEP).copied().collect();
+        let field = &self.submap.field;
         let mut best = first;
-        for ring in 0..rings {
-            let turn = (10.0 * f64::from(ring)).to_radians();
-            for (start, turn) in starts.iter().flat_map(|s| [(s, turn), (s, -turn)]) {
+        for turn in (0..rings).flat_map(ring) {
+            for start in &starts {
                 let guess = Prior::guess(*start * Pose2::new(0.0, 0.0, turn));
-                let result = self.matcher.align(&self.submap.field, scan, &guess);
+                let result = self.matcher.align(field, &thinned, &guess);
                 let turned = start.between(&result.pose).yaw.abs();
                 if result.status.is_usable()
-                    && turned < turn.abs() + 0.35
+                    && turned < turn.abs() + RING_RAD
                     && result.inlier_ratio > best.inlier_ratio + e.recover_gain
                 {
                     best = result;
                 }
             }
-            if best.inlier_ratio > e.explained {
+            // Both turns of a ring are tried before it may win.
+            if turn >= 0.0 && best.inlier_ratio > e.explained {
                 break;
             }
         }
-        best
+        if best == first {
+            return first;
+        }
+        self.matcher.align(field, scan, &Prior::guess(best.pose))
     }
 
     /// True when the submap does not know the scan's surroundings well enough (algorithm 5.2, lines
@@ -276,6 +281,17 @@ impl FrontEnd {
     }
 }
 
+/// The turns of a ring, radians: to the right and to the left.
+fn ring(ring: u32) -> impl Iterator<Item = f64> {
+    let turn = f64::from(ring) * 0.5 * RING_RAD;
+    [-turn, turn].into_iter().skip(usize::from(ring == 0))
+}
+
+/// A match started from a ring may turn this much farther than the ring, radians; rings are half as far
+/// apart.
+const RING_RAD: f64 = 0.35;
+/// Starting points are compared on every second point.
+const RECOVERY_STEP: usize = 2;
 /// Rings of ten degrees that are searched after a poor fit, and after a fair one.
 const ALL_RINGS: u32 = 10;
 const FEW_RINGS: u32 = 3;

@@ -65,9 +65,9 @@ impl Default for RefitSettings {
     fn default() -> Self {
         RefitSettings {
             method: RefitMethod::Global,
-            rounds: 3,
+            rounds: 2,
             overlap_distance_m: 4.0,
-            overlaps_per_patch: 12,
+            overlaps_per_patch: 8,
             overlap_share: 0.3,
             reach_m: 0.3,
             kernel_start_m: 0.1,
