@@ -8,14 +8,17 @@ use manifoldslam_synthetic::{
 use rand::{SeedableRng, rngs::StdRng};
 
 /// Every scenario by name.
-pub const ALL: [(&str, fn() -> Scenario); 14] = [
+pub const ALL: [(&str, fn() -> Scenario); 17] = [
     ("killian", killian),
     ("bare", bare),
     ("fr079", fr079),
     ("fr101", fr101),
     ("hospital", hospital),
     ("hall", short_sighted_hall),
+    ("escort", escort),
     ("people", people),
+    ("crowd", crowd),
+    ("ward", ward),
     ("reverse", reverse),
     ("slip", slip),
     ("gaps", gaps),
@@ -131,7 +134,7 @@ fn fr101() -> Scenario {
     s
 }
 
-/// Wide corridors with glass and people, the laser 0.6 m ahead of the base, new message format.
+/// Wide corridors with glass, the laser 0.6 m ahead of the base, new message format.
 fn hospital() -> Scenario {
     let drive = Drive { speed: 0.8, turn_rate: 0.8, scan_rate: 5.0 };
     let style = WallStyle { spacing: 5.0, rooms: 0.4 };
@@ -155,7 +158,13 @@ fn hospital() -> Scenario {
     s.beams = 361;
     s.base_from_laser = Pose2::new(0.6, 0.02, 0.01);
     s.robot_laser = true;
-    s.faults.people = 3;
+    s
+}
+
+/// The hospital with somebody walking ahead and somebody coming by.
+fn ward() -> Scenario {
+    let mut s = hospital();
+    s.faults.people = 2;
     s
 }
 
@@ -171,11 +180,26 @@ fn short_sighted_hall() -> Scenario {
     s
 }
 
-/// The demo's building with eight people about.
-fn people() -> Scenario {
+/// The demo's building with `count` people about.
+fn populated(count: usize) -> Scenario {
     let mut s = of_run(two_loop_building(17), &Drive::default(), 17);
-    s.faults.people = 8;
+    s.faults.people = count;
     s
+}
+
+/// Somebody walks ahead of the robot all the time.
+fn escort() -> Scenario {
+    populated(1)
+}
+
+/// Two lead the robot, one comes by again and again.
+fn people() -> Scenario {
+    populated(3)
+}
+
+/// Four lead the robot, four come by.
+fn crowd() -> Scenario {
+    populated(8)
 }
 
 /// Around a ring and back the other way: every place seen twice, facing forth and back.
