@@ -72,7 +72,9 @@ mod tests {
             normal_variance: 5.6e-3,
         };
         let back = CompactPoints::new(&[point]).expand()[0];
-        assert!((back.x - point.x).abs() <= 0.001 + 1e-5 && (back.y - point.y).abs() <= 0.001 + 1e-5);
+        assert!(
+            (back.x - point.x).abs() <= 0.001 + 1e-5 && (back.y - point.y).abs() <= 0.001 + 1e-5
+        );
         assert!((back.nx - point.nx).abs() < 1e-4 && (back.ny - point.ny).abs() < 1e-4);
         assert!((back.variance / point.variance - 1.0).abs() < 0.01);
         assert!((back.normal_variance / point.normal_variance - 1.0).abs() < 0.01);

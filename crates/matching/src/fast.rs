@@ -68,7 +68,8 @@ impl FastMatcher {
                 return failed(pose, iterations, MatchStatus::TooFewPoints);
             };
             pose = Pose2::new(pose.x + step.x, pose.y + step.y, pose.yaw + step.z);
-            let small = step.x.abs().max(step.y.abs()).max(5.0 * step.z.abs()) < f64::from(s.step_m);
+            let small =
+                step.x.abs().max(step.y.abs()).max(5.0 * step.z.abs()) < f64::from(s.step_m);
             settled = small && kernel <= s.kernel_end_m;
             kernel = (kernel * s.kernel_decay).max(s.kernel_end_m);
         }

@@ -83,8 +83,8 @@ pub fn fit_lines(
             // On a plain wall nothing beats the window around the point.
             if !(good && best.is_some_and(|w| w.residual <= plain)) {
                 for window in [fit(far.0, i), fit(i, far.1)].into_iter().flatten() {
-                    let surer = best
-                        .is_none_or(|b| ONE_SIDED * window.normal_variance < b.normal_variance);
+                    let surer =
+                        best.is_none_or(|b| ONE_SIDED * window.normal_variance < b.normal_variance);
                     if surer {
                         best = Some(window);
                     }
@@ -128,10 +128,7 @@ impl Reach {
         while i - a > self.fewest && !inside(a) {
             a += 1;
         }
-        while b + 1 < run.end
-            && b - i < self.most
-            && (b - i < self.fewest || inside(b + 1))
-        {
+        while b + 1 < run.end && b - i < self.most && (b - i < self.fewest || inside(b + 1)) {
             b += 1;
         }
         (a, b)

@@ -1,4 +1,4 @@
-use crate::line_fit::{LineFitSettings, LineFit, fit_lines};
+use crate::line_fit::{LineFit, LineFitSettings, fit_lines};
 use geometry::Pose2;
 use sensing::{LaserModel, Scan};
 use serde::{Deserialize, Serialize};

@@ -204,9 +204,10 @@ impl SurfelField {
             };
             let cell = self.index(layer, column, row);
             self.distance[cell] == 0
-                && self.surfels.get(usize::from(self.nearest[cell])).is_some_and(|s| {
-                    s.nx * ux + s.ny * uy < -0.5
-                })
+                && self
+                    .surfels
+                    .get(usize::from(self.nearest[cell]))
+                    .is_some_and(|s| s.nx * ux + s.ny * uy < -0.5)
         })
     }
 

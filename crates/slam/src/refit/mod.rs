@@ -72,7 +72,7 @@ impl Default for RefitSettings {
             reach_m: 0.3,
             kernel_start_m: 0.1,
             kernel_end_m: 0.03,
-            overlap_sharing: 30.0,
+            overlap_sharing: 15.0,
             outlier_sigmas: 3.0,
             group_radius_m: 6.0,
             group_margin_m: 6.0,
