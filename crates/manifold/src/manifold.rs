@@ -78,6 +78,9 @@ impl Manifold {
 
     /// Re-estimates poses: where each named patch now lies in its island.
     pub fn refit(&mut self, poses: Vec<(PatchId, Pose2)>) {
+        if poses.is_empty() {
+            return;
+        }
         for &(patch, pose) in &poses {
             self.patches[patch.index()].island_from_patch = pose;
         }

@@ -22,14 +22,21 @@ impl Ord for Variance {
 }
 
 impl Manifold {
-    /// How well every patch is known seen from `start`: the Gaussian composed along the path on which
-    /// the position's variance grows least (Dijkstra). `None` for patches on other islands and those
-    /// beyond `variance_limit` (m^2, sum over both axes).
+    /// How well patches are known seen from `start`: the Gaussian composed along the path on which the
+    /// position's variance grows least (Dijkstra).
+    ///
+    /// The search ends once all of `wanted` are known; patches not reached by then, and those on other
+    /// islands, are `None`.
     pub fn uncertainty_from(
         &self,
         start: PatchId,
-        variance_limit: f64,
+        wanted: &[PatchId],
     ) -> Vec<Option<GaussianPose2>> {
+        let mut is_wanted = vec![false; self.patches().len()];
+        for patch in wanted {
+            is_wanted[patch.index()] = true;
+        }
+        let mut missing = is_wanted.iter().filter(|w| **w).count();
         let mut settled: Vec<Option<GaussianPose2>> = vec![None; self.patches().len()];
         let mut best = vec![f64::INFINITY; self.patches().len()];
         let origin = GaussianPose2::exact(geometry::Pose2::IDENTITY);
@@ -42,13 +49,17 @@ impl Manifold {
             }
             let here = tentative[patch.index()];
             settled[patch.index()] = Some(here);
+            missing -= usize::from(is_wanted[patch.index()]);
+            if missing == 0 {
+                break;
+            }
             for (other, step) in self.neighbours(patch) {
                 if settled[other.index()].is_some() {
                     continue;
                 }
                 let there = here.compose(&step);
                 let variance = there.covariance[(0, 0)] + there.covariance[(1, 1)];
-                if variance < best[other.index()] && variance <= variance_limit {
+                if variance < best[other.index()] {
                     best[other.index()] = variance;
                     tentative[other.index()] = there;
                     queue.push((Reverse(Variance(variance)), Reverse(other)));

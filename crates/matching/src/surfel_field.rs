@@ -5,8 +5,10 @@ use serde::{Deserialize, Serialize};
 
 /// Surface orientations are kept apart in this many layers: normals towards +x, +y, -x, -y.
 const LAYERS: usize = 4;
-/// "No surfel in reach" in the field.
-const NONE: u16 = u16::MAX;
+/// "No surfel in reach": farther than any, and no surfel's index.
+const EMPTY: u32 = u32::MAX;
+/// Most surfels a field can hold.
+const MOST_SURFELS: usize = u16::MAX as usize;
 /// A surfel also enters the neighbouring layer when its normal has at least this component along
 /// that layer's axis (75 degrees), so that a normal near a layer's border finds it from both sides.
 const NEIGHBOUR_LAYER_COMPONENT: f32 = 0.26;
@@ -77,14 +79,14 @@ pub struct SurfelField {
     min_y: f32,
     width: usize,
     height: usize,
-    /// `[layer][row][column]`: index of the nearest surfel, or `NONE`.
-    nearest: Vec<u16>,
-    /// `[layer][row][column]`: squared distance to it in cells, 0 only in a surfel's own cell and layer.
-    distance: Vec<u8>,
+    /// `[layer][row][column]`: squared distance in cells to the nearest surfel (upper half, 0 only in a
+    /// surfel's own cell and layer) and its index (lower half), so that the nearer one, and of two
+    /// equally near the older, is the smaller number; `EMPTY` where none is in reach.
+    cells: Vec<u32>,
     surfels: Vec<Surfel>,
     moments: Vec<Moments>,
-    /// Cell offsets within reach, with squared distance, nearest first.
-    stamp: Vec<(i16, i16, u8)>,
+    /// Cells within reach of a surfel.
+    disk: Disk,
 }
 
 impl SurfelField {
@@ -96,11 +98,10 @@ impl SurfelField {
             min_y: 0.0,
             width: 0,
             height: 0,
-            nearest: Vec::new(),
-            distance: Vec::new(),
+            cells: Vec::new(),
             surfels: Vec::new(),
             moments: Vec::new(),
-            stamp: disk(settings.reach_m / settings.cell_m),
+            disk: Disk::new(settings.reach_m / settings.cell_m),
         };
         field.reset(min, max);
         field
@@ -114,10 +115,8 @@ impl SurfelField {
         self.width = ((max.0 - min.0) / cell).ceil().max(1.0) as usize;
         self.height = ((max.1 - min.1) / cell).ceil().max(1.0) as usize;
         let cells = LAYERS * self.width * self.height;
-        self.nearest.clear();
-        self.nearest.resize(cells, NONE);
-        self.distance.clear();
-        self.distance.resize(cells, u8::MAX);
+        self.cells.clear();
+        self.cells.resize(cells, EMPTY);
         self.surfels.clear();
         self.moments.clear();
     }
@@ -147,16 +146,16 @@ impl SurfelField {
         let (layer, neighbour_layer) = layers_of(nx, ny);
         let cell = self.index(layer, column, row);
         let weight = 1.0 / variance;
-        let (id, is_new) = if self.distance[cell] == 0 {
-            (self.nearest[cell], false)
-        } else if self.surfels.len() < usize::from(NONE) {
+        let (id, is_new) = if is_home(self.cells[cell]) {
+            (index_in(self.cells[cell]), false)
+        } else if self.surfels.len() < MOST_SURFELS {
             self.surfels.push(Surfel::default());
             self.moments.push(Moments::default());
-            ((self.surfels.len() - 1) as u16, true)
+            (self.surfels.len() - 1, true)
         } else {
             return;
         };
-        let m = &mut self.moments[usize::from(id)];
+        let m = &mut self.moments[id];
         m.weight += weight;
         m.x += weight * x;
         m.y += weight * y;
@@ -164,7 +163,7 @@ impl SurfelField {
         m.normal_weight += normal_weight;
         m.nx += normal_weight * nx;
         m.ny += normal_weight * ny;
-        self.surfels[usize::from(id)] = m.line(self.settings.roughness_m);
+        self.surfels[id] = m.line(self.settings.roughness_m);
         if is_new {
             self.spread(id, layer, column, row, 0);
             if let Some(neighbour) = neighbour_layer {
@@ -173,19 +172,21 @@ impl SurfelField {
         }
     }
 
-    /// Makes surfel `id` the nearest one in every cell it is nearer to than the present one.
-    fn spread(&mut self, id: u16, layer: usize, column: usize, row: usize, at_least: u8) {
-        let base = layer * self.width * self.height;
-        for &(dx, dy, d) in &self.stamp {
-            let (u, v) = (column as isize + isize::from(dx), row as isize + isize::from(dy));
-            if u < 0 || v < 0 || u >= self.width as isize || v >= self.height as isize {
+    /// Makes surfel `id` the nearest one in every cell it is nearer to than the present one; it counts
+    /// as at least `at_least` away.
+    fn spread(&mut self, id: usize, layer: usize, column: usize, row: usize, at_least: u32) {
+        let radius = self.disk.radius;
+        for (dv, half, squares) in self.disk.rows() {
+            let Some(v) = (row + dv).checked_sub(radius).filter(|v| *v < self.height) else {
                 continue;
-            }
-            let cell = base + v as usize * self.width + u as usize;
-            let d = d.max(at_least);
-            if d < self.distance[cell] {
-                self.distance[cell] = d;
-                self.nearest[cell] = id;
+            };
+            let first = column.saturating_sub(half);
+            let last = (column + half).min(self.width - 1);
+            let squares = &squares[first + radius - column..=last + radius - column];
+            let start = self.index(layer, first, v);
+            let cells = &mut self.cells[start..=start + last - first];
+            for (cell, &square) in cells.iter_mut().zip(squares) {
+                *cell = (*cell).min((square.max(at_least) << 16) | id as u32);
             }
         }
     }
@@ -203,10 +204,10 @@ impl SurfelField {
                 return false;
             };
             let cell = self.index(layer, column, row);
-            self.distance[cell] == 0
+            is_home(self.cells[cell])
                 && self
                     .surfels
-                    .get(usize::from(self.nearest[cell]))
+                    .get(index_in(self.cells[cell]))
                     .is_some_and(|s| s.nx * ux + s.ny * uy < -0.5)
         })
     }
@@ -246,8 +247,8 @@ impl SurfelField {
             cells[k] = if inside { cell } else { u32::MAX };
         }
         for k in 0..LANES {
-            if let Some(&id) = self.nearest.get(cells[k] as usize)
-                && let Some(surfel) = self.surfels.get(usize::from(id))
+            if let Some(&cell) = self.cells.get(cells[k] as usize)
+                && let Some(surfel) = self.surfels.get(index_in(cell))
             {
                 surfels[k] = *surfel;
             }
@@ -286,15 +287,41 @@ fn layers_of(nx: f32, ny: f32) -> (usize, Option<usize>) {
     (layer, (along.abs() >= NEIGHBOUR_LAYER_COMPONENT).then_some(neighbour))
 }
 
-/// All cell offsets within `radius` cells, nearest first.
-fn disk(radius: f32) -> Vec<(i16, i16, u8)> {
-    let reach = radius.clamp(1.0, 15.0);
-    let r = reach.floor() as i16;
-    let mut cells: Vec<(i16, i16, u8)> = (-r..=r)
-        .flat_map(|dy| (-r..=r).map(move |dx| (dx, dy, dx * dx + dy * dy)))
-        .filter(|&(_, _, d)| f32::from(d) <= reach * reach)
-        .map(|(dx, dy, d)| (dx, dy, d as u8))
-        .collect();
-    cells.sort_by_key(|&(dx, dy, d)| (d, dy, dx));
-    cells
+/// True for the cell and layer a surfel lies in.
+fn is_home(cell: u32) -> bool {
+    cell >> 16 == 0
+}
+
+/// The index of a cell's nearest surfel; no surfel's for an empty cell.
+fn index_in(cell: u32) -> usize {
+    (cell & 0xffff) as usize
+}
+
+/// The cells within reach of a surfel, row by row, with their squared distances.
+#[derive(Clone, Debug)]
+struct Disk {
+    radius: usize,
+    /// Half the width of each row.
+    half_widths: Vec<usize>,
+    /// `[row][column]` over the square around the disk.
+    squares: Vec<u32>,
+}
+
+impl Disk {
+    fn new(reach: f32) -> Self {
+        let reach = reach.clamp(1.0, 15.0);
+        let radius = reach.floor() as usize;
+        let side = 2 * radius + 1;
+        let square = |i: usize| (i.abs_diff(radius) * i.abs_diff(radius)) as u32;
+        let width = |v: usize| (reach * reach - square(v) as f32).max(0.0).sqrt().floor() as usize;
+        let squares = (0..side * side).map(|i| square(i / side) + square(i % side)).collect();
+        Disk { radius, half_widths: (0..side).map(width).collect(), squares }
+    }
+
+    /// Rows of the disk: index from the top, half width, squared distances over the whole side.
+    fn rows(&self) -> impl Iterator<Item = (usize, usize, &[u32])> {
+        let side = 2 * self.radius + 1;
+        let rows = self.half_widths.iter().zip(self.squares.chunks(side));
+        rows.enumerate().map(|(v, (&half, squares))| (v, half, squares))
+    }
 }

@@ -3,7 +3,7 @@ use crate::loop_closing::{Closure, LoopCloser};
 use crate::map::Map;
 use crate::refit::{optimise_relations, refit_breadth_first, refit_globally, relocalise};
 use crate::{ClosingStatistics, Event, RefitMethod, SlamConfig, Stage, StageObserver, Unobserved};
-use geometry::{GaussianPose2, Pose2};
+use geometry::{GaussianPose2, LieGroup, Pose2};
 use manifold::{Manifold, PatchId, Provenance};
 use matching::{CompactPoints, FastMatcher, LineExtractor, LinePoint};
 use sensing::Observation;
@@ -123,8 +123,10 @@ impl Mapper {
 
     /// [`Mapper::step`] for an observation prepared elsewhere, on another thread for example.
     pub fn step_prepared(&mut self, prepared: PreparedObservation) -> Vec<Event> {
-        let PreparedObservation { observation, surface } = prepared;
-        let odom_from_base = observation.odom_from_base.filter(|_| self.config.odometry.enabled);
+        let PreparedObservation { mut observation, surface } = prepared;
+        observation.odom_from_base =
+            observation.odom_from_base.filter(|odom| self.config.odometry.enabled && is_sane(odom));
+        let odom_from_base = observation.odom_from_base;
         let found = self
             .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
         self.count(&found);
@@ -241,6 +243,14 @@ impl Mapper {
         result
     }
 }
+
+/// Odometry that can be a robot's: finite and on this planet. Anything else counts as missing.
+fn is_sane(odom_from_base: &Pose2) -> bool {
+    odom_from_base.is_finite() && odom_from_base.norm() < LARGEST_ODOMETRY_M
+}
+
+/// The Earth's circumference, metres.
+const LARGEST_ODOMETRY_M: f64 = 4e7;
 
 /// A closure that moves the robot less than this does not call for a new optimisation at once.
 const NOTICEABLE_M: f64 = 0.05;

@@ -38,22 +38,17 @@ impl Candidates {
     /// around the belief are ranked by distance, those beyond it by the look of the place.
     pub fn of(&mut self, query: PatchId, map: &Map) -> Vec<Candidate> {
         let mut found: Vec<(f64, Candidate)> = Vec::new();
-        let known = map.manifold.uncertainty_from(query, f64::INFINITY);
         let own = map.pose(query);
-        let mut query_signature = None;
         let look_due =
             self.last_look.is_none_or(|last| last.distance(&own) >= self.settings.spacing_m);
-        for patch in map.manifold.patches() {
-            if patch.id.0.abs_diff(query.0) < SETTLED_PATCHES {
-                continue;
-            }
+        let mut query_signature = None;
+        let possible = self.possible(query, look_due, map);
+        let known = map.manifold.uncertainty_from(query, &possible);
+        for patch in possible.iter().map(|&id| map.manifold.patch(id)) {
             let Some(belief) = known[patch.id.index()] else { continue };
             let here = patch.island_from_patch.between(&own);
             let Some(by_look) = self.may_overlap(&here, &belief) else { continue };
             let rank = if by_look {
-                if !look_due {
-                    continue;
-                }
                 let look =
                     query_signature.get_or_insert_with(|| signature_of(query, map, &self.limits));
                 let limits = &self.limits;
@@ -65,11 +60,24 @@ impl Candidates {
             let patch_from_query = GaussianPose2 { mean: here, ..belief.inverse() };
             found.push((rank, Candidate { patch: patch.id, patch_from_query, by_look }));
         }
-        if query_signature.is_some() {
+        if look_due {
             self.last_look = Some(own);
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.patch.cmp(&b.1.patch)));
         self.spaced(found.into_iter().map(|f| f.1), map)
+    }
+
+    /// Patches that are places left and perhaps met again: those in the search box, and all others when
+    /// looking all round is due.
+    fn possible(&self, query: PatchId, look_due: bool, map: &Map) -> Vec<PatchId> {
+        let own = map.pose(query);
+        let box_m = self.settings.reach_m + self.settings.window_m;
+        let patches = map.manifold.patches().iter();
+        patches
+            .filter(|p| p.id.0.abs_diff(query.0) >= SETTLED_PATCHES)
+            .filter(|p| look_due || p.island_from_patch.distance(&own) <= box_m)
+            .map(|p| p.id)
+            .collect()
     }
 
     /// `None` when a patch is known to be elsewhere, or known well enough to be in the local submap;

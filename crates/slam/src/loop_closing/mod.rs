@@ -72,7 +72,7 @@ impl Default for ClosingSettings {
             query_patches: 4,
             sigmas_accepted: 6.0,
             max_windows: 5_000,
-            min_score: 0.5,
+            min_score: 0.55,
             share: 0.5,
             rival: 0.92,
             seen_through: 0.2,
