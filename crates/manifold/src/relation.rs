@@ -21,8 +21,6 @@ pub enum Provenance {
     Sequential,
     /// A loop closed by comparing geometry.
     LoopClosure,
-    /// Two patches of a settled map see the same surfaces (measured by the global refit).
-    Overlap,
 }
 
 /// An edge of the manifold: a relative pose with its uncertainty (a constraint, elsewhere).

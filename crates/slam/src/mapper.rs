@@ -107,7 +107,7 @@ impl Mapper {
             matcher,
             preparation: Preparation::new(&config),
             front_end: FrontEnd::new(config),
-            closer: LoopCloser::new(config.closing, config.submap, config.field, matcher),
+            closer: LoopCloser::new(&config),
             map: Map::default(),
             scans: Vec::new(),
             statistics: Statistics::default(),
@@ -212,12 +212,9 @@ impl Mapper {
     /// was too vague to find then may be near at hand.
     fn look_again(&mut self) {
         let patches: Vec<PatchId> = self.map.manifold.patches().iter().map(|p| p.id).collect();
-        let before = self.closer.statistics.accepted;
-        for patch in patches {
-            let closures = self.timed(Stage::LoopClosing, |m| m.closer.search(patch, &m.map));
+        let closures = self.timed(Stage::LoopClosing, |m| m.closer.search_all(&patches, &m.map));
+        if !closures.is_empty() {
             self.relate(&closures);
-        }
-        if self.closer.statistics.accepted > before {
             self.optimise();
         }
     }

@@ -6,12 +6,14 @@ mod consistency;
 mod signature;
 mod verification;
 
+use crate::SlamConfig;
 use crate::map::Map;
 use candidates::Candidates;
 use consistency::PendingClosures;
 use geometry::Pose2;
-use manifold::{PatchId, SubmapLimits};
-use matching::{FastMatcher, FieldSettings, MatchResult};
+use manifold::PatchId;
+use matching::MatchResult;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use verification::Verifier;
 
@@ -166,17 +168,12 @@ pub(crate) struct LoopCloser {
 }
 
 impl LoopCloser {
-    pub fn new(
-        settings: ClosingSettings,
-        limits: SubmapLimits,
-        field: FieldSettings,
-        matcher: FastMatcher,
-    ) -> Self {
+    pub fn new(config: &SlamConfig) -> Self {
         LoopCloser {
-            settings,
-            candidates: Candidates::new(settings, limits),
-            verifier: Verifier::new(settings, limits, field, matcher),
-            pending: PendingClosures::new(settings.support),
+            settings: config.closing,
+            candidates: Candidates::new(config.closing, config.submap),
+            verifier: Verifier::new(config),
+            pending: PendingClosures::new(config.closing.support),
             last_query: None,
             statistics: ClosingStatistics::default(),
         }
@@ -184,31 +181,54 @@ impl LoopCloser {
 
     /// The closures that a new patch completes: verified, and each in a consistent set.
     pub fn search(&mut self, query: PatchId, map: &Map) -> Vec<Closure> {
-        let pose = map.pose(query);
-        let near = |last: Pose2| last.distance(&pose) < self.settings.every_m;
-        if !self.settings.enabled || self.last_query.is_some_and(near) {
-            return Vec::new();
+        let accepted = self.search_all(&[query], map);
+        let expired = self.pending.expire(query, PATIENCE_PATCHES);
+        self.statistics.unsupported += expired;
+        accepted
+    }
+
+    /// [`LoopCloser::search`] from many patches of a map that stays as it is.
+    pub fn search_all(&mut self, queries: &[PatchId], map: &Map) -> Vec<Closure> {
+        let mut pairs = Vec::new();
+        for &query in queries {
+            if self.is_due(query, map) {
+                pairs.extend(self.candidates.of(query, map).into_iter().map(|c| (query, c)));
+            }
         }
-        self.last_query = Some(pose);
+        self.statistics.tried += pairs.len();
+        // Each pair is looked at by itself and the answers are taken in order: the number of threads
+        // makes no difference.
+        let answers: Vec<Result<Closure, Rejection>> = pairs
+            .par_iter()
+            .map_init(|| self.verifier.clone(), |verifier, (query, c)| verifier.verify(*query, c, map))
+            .collect();
         let mut accepted = Vec::new();
-        for candidate in self.candidates.of(query, map) {
-            self.statistics.tried += 1;
-            match self.verifier.verify(query, &candidate, map) {
+        for answer in answers {
+            match answer {
                 Ok(closure) => accepted.extend(self.pending.offer(closure, map)),
                 Err(rejection) => self.statistics.count(rejection),
             }
-        }
-        for _ in 0..self.pending.expire(query, 200) {
-            self.statistics.count(Rejection::Unsupported);
         }
         self.statistics.accepted += accepted.len();
         accepted
     }
 
+    /// True when the robot has driven far enough since the last search; notes the search.
+    fn is_due(&mut self, query: PatchId, map: &Map) -> bool {
+        let pose = map.pose(query);
+        let near = |last: Pose2| last.distance(&pose) < self.settings.every_m;
+        if !self.settings.enabled || self.last_query.is_some_and(near) {
+            return false;
+        }
+        self.last_query = Some(pose);
+        true
+    }
+
     /// Gives up on closures that are still waiting for support.
     pub fn finish(&mut self) {
-        for _ in 0..self.pending.expire(PatchId(u32::MAX), 0) {
-            self.statistics.count(Rejection::Unsupported);
-        }
+        self.statistics.unsupported += self.pending.expire(PatchId(u32::MAX), 0);
     }
 }
+
+/// A closure waits for others to agree with it while this many patches are added.
+const PATIENCE_PATCHES: u32 = 200;

@@ -1,21 +1,25 @@
 use super::candidates::Candidate;
 use super::{ClosingSettings, Closure, Rejection};
+use crate::SlamConfig;
 use crate::active_submap::ActiveSubmap;
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2, Vector2};
 use manifold::{PatchId, SubmapLimits};
 use matching::{
-    FastMatcher, FieldSettings, LikelihoodPyramid, LikelihoodSettings, LinePoint, MatchResult,
+    FastMatcher, LikelihoodPyramid, LikelihoodSettings, LinePoint, MatchResult,
     Prior, SearchSettings, SearchWindow,
 };
 use std::f64::consts::PI;
 
 /// Compares the surroundings of a query with a candidate's local submap.
+#[derive(Clone, Debug)]
 pub(crate) struct Verifier {
     settings: ClosingSettings,
     limits: SubmapLimits,
     matcher: FastMatcher,
     submap: ActiveSubmap,
+    /// See `SlamConfig::match_correlation`.
+    correlation: f64,
 }
 
 /// Candidates taken from branch and bound to refinement, to see whether one stands out.
@@ -24,13 +28,14 @@ const RIVALS: usize = 3;
 const THINNING_M: f32 = 0.3;
 
 impl Verifier {
-    pub fn new(
-        settings: ClosingSettings,
-        limits: SubmapLimits,
-        field: FieldSettings,
-        matcher: FastMatcher,
-    ) -> Self {
-        Verifier { settings, limits, matcher, submap: ActiveSubmap::new(field) }
+    pub fn new(config: &SlamConfig) -> Self {
+        Verifier {
+            settings: config.closing,
+            limits: config.submap,
+            matcher: FastMatcher { settings: config.matcher },
+            submap: ActiveSubmap::new(config.field),
+            correlation: config.match_correlation,
+        }
     }
 
     /// Finds the query in the candidate's submap, or says why not.
@@ -69,7 +74,7 @@ impl Verifier {
         if self.seen_through(query, &best.pose, map) > self.settings.seen_through {
             return Err(Rejection::SeenThrough);
         }
-        let spread = |i: usize| (best.covariance[(i, i)] * self.settings.caution * 10.0).sqrt();
+        let spread = |i: usize| (best.covariance[(i, i)] * self.settings.caution * self.correlation).sqrt();
         if spread(0).max(spread(1)) > self.settings.largest_std_m {
             return Err(Rejection::Degenerate);
         }

@@ -154,7 +154,7 @@ fn graph_of(map: &Map) -> PoseGraph<Pose2, 3> {
 fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
     let kind = match relation.provenance {
         Provenance::Sequential => EdgeKind::Sequential,
-        Provenance::LoopClosure | Provenance::Overlap => EdgeKind::Closure,
+        Provenance::LoopClosure => EdgeKind::Closure,
     };
     let gaussian = &relation.from_from_to;
     let information = gaussian.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) * share;
