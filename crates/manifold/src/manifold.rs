@@ -97,7 +97,8 @@ impl Manifold {
     /// Repeats a change that happened to another manifold.
     ///
     /// # Errors
-    /// [`ManifoldError`] when the change does not follow on this manifold's state; nothing is changed.
+    /// [`ManifoldError`] when the change does not follow on this manifold's state; nothing is
+    /// changed.
     pub fn apply(&mut self, change: &Change) -> Result<(), ManifoldError> {
         let known = |p: PatchId| p.index() < self.patches.len();
         match change {

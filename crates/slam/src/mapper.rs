@@ -80,7 +80,8 @@ impl Preparation {
 
 /// One map from a stream of observations.
 ///
-/// Deterministic: the same observations and configuration give the same map, on any number of threads.
+/// Deterministic: the same observations and configuration give the same map, on any number of
+/// threads.
 pub struct Mapper {
     config: SlamConfig,
     matcher: FastMatcher,
@@ -208,8 +209,8 @@ impl Mapper {
         moved
     }
 
-    /// Searches once more from every patch: the map is known better now than when each was new, and what
-    /// was too vague to find then may be near at hand.
+    /// Searches once more from every patch: the map is known better now than when each was new, and
+    /// what was too vague to find then may be near at hand.
     fn look_again(&mut self) {
         let patches: Vec<PatchId> = self.map.manifold.patches().iter().map(|p| p.id).collect();
         let closures = self.timed(Stage::LoopClosing, |m| m.closer.search_all(&patches, &m.map));

@@ -1,0 +1,9 @@
+//! Oracles for the pipeline: maps of known buildings against the truth, runs against runs.
+
+mod accuracy;
+mod bad_input;
+mod determinism;
+mod faults;
+mod replay;
+mod runs;
+mod standing_still;
