@@ -62,8 +62,8 @@ pub fn corridor_wall(
     plan.polyline(&corners);
 }
 
-/// A grid of corridors `width` wide whose centre lines run along `xs` and `ys`, every block between them
-/// solid but for niches and rooms.
+/// A grid of corridors `width` wide whose centre lines run along `xs` and `ys`, every block between
+/// them solid but for niches and rooms.
 pub fn corridor_grid(
     rng: &mut StdRng,
     xs: &[f64],
@@ -91,8 +91,8 @@ pub fn corridor_grid(
     plan
 }
 
-/// A corridor of `rooms` look-alike rooms on either side, each 3.6 x 5 m with a desk and a cupboard; and
-/// the way in and out of every second of them, there and back.
+/// A corridor of `rooms` look-alike rooms on either side, each 3.6 x 5 m with a desk and a
+/// cupboard; and the way in and out of every second of them, there and back.
 pub fn office_wing(rng: &mut StdRng, rooms: usize) -> (FloorPlan, Vec<(f64, f64)>) {
     let mut plan = FloorPlan::new();
     let length = 3.6 * rooms as f64;
@@ -115,12 +115,12 @@ pub fn office_wing(rng: &mut StdRng, rooms: usize) -> (FloorPlan, Vec<(f64, f64)
         }
     }
     let mut way = vec![(1.0, 1.1)];
-    for i in 0..rooms {
+    for (i, pair) in doors[0].iter().zip(&doors[1]).enumerate() {
         let side = i % 2;
         if i % 3 == 1 {
             continue;
         }
-        let x = doors[side][i].0 + 0.45;
+        let x = if side == 0 { pair.0.0 } else { pair.1.0 } + 0.45;
         let (door_y, inner_y) = if side == 0 { (0.0, -2.4) } else { (2.2, 4.6) };
         way.extend([
             (x, 1.1),

@@ -76,8 +76,8 @@ fn robot_laser(text: &mut String, scenario: &Scenario, entry: &Entry) {
     line(text, format_args!(" 0.0 0.0 0.0 0.0 0.0 {stamp} nohost {stamp}"));
 }
 
-/// `t1 t2 x y z roll pitch yaw` between successive key scans (0.3 to 1 m apart) and between a key scan
-/// and the nearest of every other visit of its place.
+/// `t1 t2 x y z roll pitch yaw` between successive key scans (0.3 to 1 m apart) and between a key
+/// scan and the nearest of every other visit of its place.
 fn relations(log: &[Entry]) -> String {
     let mut text = String::new();
     let mut relate = |i: usize, j: usize| {

@@ -7,8 +7,11 @@ use manifoldslam_synthetic::{
 };
 use rand::{SeedableRng, rngs::StdRng};
 
+/// A scenario's name and how it is made.
+type Named = (&'static str, fn() -> Scenario);
+
 /// Every scenario by name.
-pub const ALL: [(&str, fn() -> Scenario); 17] = [
+pub const ALL: [Named; 17] = [
     ("killian", killian),
     ("bare", bare),
     ("fr079", fr079),
