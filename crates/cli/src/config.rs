@@ -109,7 +109,8 @@ impl Config {
     }
 
     fn to_table(self) -> Table {
-        // Serialising plain numbers and switches cannot fail; an empty table would show in the tests.
+        // Serialising plain numbers and switches cannot fail; an empty table would show in the
+        // tests.
         let mut table = Table::try_from(self).unwrap_or_default();
         table.iter_mut().for_each(|(_, value)| shorten(value));
         table
@@ -131,8 +132,8 @@ fn shorten(value: &mut Value) {
     }
 }
 
-/// Lists unknown keys, wrong types and impossible numbers. Every default is an example of its type, and
-/// numbers here are magnitudes: finite and not negative where the default is not.
+/// Lists unknown keys, wrong types and impossible numbers. Every default is an example of its type,
+/// and numbers here are magnitudes: finite and not negative where the default is not.
 fn compare(path: &mut String, given: &Table, known: &Table, problems: &mut Vec<String>) {
     for (key, value) in given {
         let length = path.len();

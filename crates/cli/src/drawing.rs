@@ -51,8 +51,8 @@ pub fn occupancy(
     Ok(if crop.is_some() { grid } else { grid.trimmed(config.margin_m) })
 }
 
-/// As [`occupancy`], at a coarser resolution where the map would be too large for the configured one:
-/// a finished run must not be lost for its picture.
+/// As [`occupancy`], at a coarser resolution where the map would be too large for the configured
+/// one: a finished run must not be lost for its picture.
 pub fn occupancy_that_fits(views: &[ScanView], mut config: MapConfig) -> Result<OccupancyGrid> {
     loop {
         let frame = GridFrame::around(views, config.margin_m, config.resolution_m);

@@ -1,7 +1,7 @@
 //! `manifoldslam`: one accurate, detailed map from laser logs.
 //!
-//! The only place with messages, exit codes and a clock. Every command is a function in `commands` that
-//! returns an [`Outcome`]; everything else here serves them.
+//! The only place with messages, exit codes and a clock. Every command is a function in `commands`
+//! that returns an [`Outcome`]; everything else here serves them.
 
 mod args;
 mod atomic;

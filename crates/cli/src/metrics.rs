@@ -54,7 +54,8 @@ pub struct LogMetrics {
 /// What was made of it.
 #[derive(Debug, Serialize)]
 pub struct MapMetrics {
-    /// What the pipeline counted: patches, closures tried, accepted and rejected by reason, and more.
+    /// What the pipeline counted: patches, closures tried, accepted and rejected by reason, and
+    /// more.
     pub counts: Statistics,
     /// Connected maps.
     pub islands: usize,

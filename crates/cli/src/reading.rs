@@ -12,7 +12,8 @@ const BATCH: usize = 32;
 /// Batches that may wait; then the reader waits, so that memory stays bounded.
 const WAITING: usize = 16;
 
-/// A log that is read, decompressed and prepared on a thread of its own while its scans are being used.
+/// A log that is read, decompressed and prepared on a thread of its own while its scans are being
+/// used.
 ///
 /// `T` is what the preparation makes of each scan.
 pub struct Reading<T> {

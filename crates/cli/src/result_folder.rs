@@ -8,8 +8,9 @@ pub const METRICS: &str = "metrics.json";
 
 /// A result folder that appears under its name only when it is whole.
 ///
-/// Files are written into a hidden folder beside the target; [`ResultFolder::commit`] renames it. An older
-/// result of the same name is replaced in the same moment; any other folder that is not empty is refused.
+/// Files are written into a hidden folder beside the target; [`ResultFolder::commit`] renames it.
+/// An older result of the same name is replaced in the same moment; any other folder that is not
+/// empty is refused.
 #[derive(Debug)]
 pub struct ResultFolder {
     target: PathBuf,

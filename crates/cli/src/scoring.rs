@@ -65,8 +65,8 @@ pub struct RelationScore {
 }
 
 impl RelationScore {
-    /// Scores a trajectory: the error of a relation is `truth^-1 * estimate`. `None` when no relation has
-    /// both its stamps in the trajectory.
+    /// Scores a trajectory: the error of a relation is `truth^-1 * estimate`. `None` when no
+    /// relation has both its stamps in the trajectory.
     pub fn new(truth: &[TrueRelation], poses: &StampedPoses) -> Option<Self> {
         let errors: Vec<Pose2> = truth
             .iter()

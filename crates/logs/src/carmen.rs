@@ -44,9 +44,9 @@ impl Default for ReadOptions {
 /// Reads the scans of a CARMEN log in the log's order: `FLASER`, `RLASER` and `ROBOTLASER0` to
 /// `ROBOTLASER9` lines, with the mountings from the lines themselves or from `PARAM`.
 ///
-/// The reader is an iterator that takes any text and never fails: what cannot be used is left out and
-/// told by [`CarmenReader::finish`]. Memory is bounded whatever the input. Odometry is the robot pose
-/// of the laser line; stamps are kept as text and never used for ordering.
+/// The reader is an iterator that takes any text and never fails: what cannot be used is left out
+/// and told by [`CarmenReader::finish`]. Memory is bounded whatever the input. Odometry is the
+/// robot pose of the laser line; stamps are kept as text and never used for ordering.
 ///
 /// ```
 /// use manifoldslam_logs::{CarmenReader, ReadOptions};

@@ -62,8 +62,8 @@ pub(crate) struct Fault {
 
 /// Parses one line without its newline.
 ///
-/// `complete` is false for a last line without newline: it must then hold every field of its message,
-/// so that a stamp cut short is never taken for a stamp.
+/// `complete` is false for a last line without newline: it must then hold every field of its
+/// message, so that a stamp cut short is never taken for a stamp.
 pub(crate) fn parse(line: &[u8], complete: bool) -> Result<Message<'_>, Fault> {
     let mut fields = Fields::new(line);
     let Some(name) = fields.next() else { return Ok(Message::Nothing) };
@@ -111,8 +111,8 @@ fn old_laser(name: LaserName, mut fields: Fields, complete: bool) -> Result<Mess
 }
 
 /// `ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n r1..rn
-/// m remission1..m laser_pose(3) robot_pose(3) tv rv forward_safety side_safety [turn_axis] stamp host
-/// logger_stamp`; early versions have no remissions at all, not even their number.
+/// m remission1..m laser_pose(3) robot_pose(3) tv rv forward_safety side_safety [turn_axis] stamp
+/// host logger_stamp`; early versions have no remissions at all, not even their number.
 fn robot_laser(digit: u8, mut fields: Fields, complete: bool) -> Result<Message, Fault> {
     fields.skip(1)?;
     let start = fields.number()?;
@@ -163,8 +163,8 @@ fn other(name: &[u8]) -> Result<Message<'_>, Fault> {
 
 /// The scanner of an old laser line, which tells nothing but the number of beams.
 ///
-/// CARMEN's convention is a SICK LMS over the half circle in front, or 100 degrees for 401 beams. Counts
-/// that belong to one well-known scanner with a wider view are taken for it: Hokuyo URG-04LX
+/// CARMEN's convention is a SICK LMS over the half circle in front, or 100 degrees for 401 beams.
+/// Counts that belong to one well-known scanner with a wider view are taken for it: Hokuyo URG-04LX
 /// (682 and 726 steps of 360/1024 deg), 270 degrees at 0.5 and 0.25 deg (541 and 1081 beams).
 fn guessed_model(beams: u32) -> LaserModel {
     let step = match beams {
@@ -180,7 +180,8 @@ fn guessed_model(beams: u32) -> LaserModel {
     centred(beams, -0.5 * span, step)
 }
 
-/// The scanner a `ROBOTLASER` line describes; where the description is nonsense, the guess by count.
+/// The scanner a `ROBOTLASER` line describes; where the description is nonsense, the guess by
+/// count.
 fn stated_model(beams: u32, start: f64, fov: f64, resolution: f64) -> LaserModel {
     let steps = f64::from(beams.saturating_sub(1).max(1));
     let fits = |step: f64| step.abs() > 1e-4 && step.abs() * steps < TAU * 1.01;
@@ -245,7 +246,8 @@ impl<'a> Fields<'a> {
         parse_f64(text).ok_or_else(|| self.fault(DropReason::NotANumber))
     }
 
-    /// The announced number of readings and the readings, followed by a number of fields within `tail`.
+    /// The announced number of readings and the readings, followed by a number of fields within
+    /// `tail`.
     fn readings(&mut self, tail: Range, complete: bool) -> Result<Vec<f32>, Fault> {
         let text = self.required()?;
         let announced = parse_u64(text).ok_or_else(|| self.fault(DropReason::NotANumber))?;
@@ -280,7 +282,8 @@ impl<'a> Fields<'a> {
         parse_f32(text).ok_or_else(|| self.fault(DropReason::NotANumber))
     }
 
-    /// Skips the remissions of a `ROBOTLASER` line; true when a turn axis follows the safety distances.
+    /// Skips the remissions of a `ROBOTLASER` line; true when a turn axis follows the safety
+    /// distances.
     ///
     /// The number of remissions is believed only where it explains the rest of the line.
     fn skip_remissions(&mut self, beams: usize, complete: bool) -> Result<bool, Fault> {

@@ -1,8 +1,8 @@
 //! Readers and writers: CARMEN logs, TUM trajectories, g2o pose graphs, true relations.
 //!
-//! Parsers take any text and never panic; memory is bounded whatever the input. Readers of sensor logs
-//! return what they could read and a report of what they left out ([`ReadReport`]); readers of results
-//! (trajectories) are strict and fail with file, line and field ([`LogError`]).
+//! Parsers take any text and never panic; memory is bounded whatever the input. Readers of sensor
+//! logs return what they could read and a report of what they left out ([`ReadReport`]); readers of
+//! results (trajectories) are strict and fail with file, line and field ([`LogError`]).
 //! Only [`LogFile`] knows of files.
 //!
 //! ```

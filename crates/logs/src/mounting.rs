@@ -11,9 +11,9 @@ const MIN_SHARE: f64 = 0.9;
 /// `base_from_laser` from lines that tell where the laser and the base are, both in the odometry
 /// frame.
 ///
-/// A mounting is rigid: the offsets of all lines agree up to the rounding of the text. In logs that a
-/// mapping program has rewritten, the first pose is its *estimate* of the laser's pose; such offsets
-/// drift, and the answer is `None`.
+/// A mounting is rigid: the offsets of all lines agree up to the rounding of the text. In logs that
+/// a mapping program has rewritten, the first pose is its *estimate* of the laser's pose; such
+/// offsets drift, and the answer is `None`.
 pub(crate) fn rigid_mounting(odom_poses: &[(Pose2, Pose2)]) -> Option<Pose2> {
     let offsets: Vec<Pose2> = odom_poses.iter().map(|(laser, base)| base.between(laser)).collect();
     let first = offsets.first()?;

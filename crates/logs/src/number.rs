@@ -45,8 +45,8 @@ fn plain_decimal(text: &[u8]) -> Option<Decimal> {
 
 /// Same result as `str::parse::<f32>`.
 ///
-/// A mantissa below 2^24 and a power of ten up to 10^10 are exact in `f32`, so that their quotient is
-/// rounded once, correctly (Clinger 1990, "How to read floating point numbers accurately").
+/// A mantissa below 2^24 and a power of ten up to 10^10 are exact in `f32`, so that their quotient
+/// is rounded once, correctly (Clinger 1990, "How to read floating point numbers accurately").
 pub(crate) fn parse_f32(text: &[u8]) -> Option<f32> {
     if let Some(Decimal { negative, mantissa, decimals }) = plain_decimal(text)
         && mantissa < 1 << 24
@@ -63,8 +63,8 @@ pub(crate) fn is_blank(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r')
 }
 
-/// The plain decimal number that `text` starts with, after blanks, and what follows it; `None` where
-/// [`parse_f32`] has to look at the field. One pass: most bytes of a log go through here.
+/// The plain decimal number that `text` starts with, after blanks, and what follows it; `None`
+/// where [`parse_f32`] has to look at the field. One pass: most bytes of a log go through here.
 pub(crate) fn leading_f32(text: &[u8]) -> Option<(f32, &[u8])> {
     let start = text.iter().position(|&b| !is_blank(b))?;
     let text = &text[start..];

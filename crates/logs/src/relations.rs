@@ -8,8 +8,8 @@ use std::path::Path;
 /// Longest line, bytes.
 const LINE_LIMIT: usize = 4096;
 
-/// A true relative pose between two moments (Kuemmerle et al. 2009, "On measuring the accuracy of SLAM
-/// algorithms").
+/// A true relative pose between two moments (Kuemmerle et al. 2009, "On measuring the accuracy of
+/// SLAM algorithms").
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueRelation {
     /// Stamp of the first pose, seconds.

@@ -17,8 +17,8 @@ pub struct TumPose {
     pub pose: Pose2,
 }
 
-/// Writes a trajectory in TUM format, `stamp x y z qx qy qz qw`, with the stamps verbatim and in the
-/// order given. Metres with nanometres, quaternions with twelve digits.
+/// Writes a trajectory in TUM format, `stamp x y z qx qy qz qw`, with the stamps verbatim and in
+/// the order given. Metres with nanometres, quaternions with twelve digits.
 ///
 /// # Errors
 /// Those of `output`.

@@ -1,9 +1,9 @@
-//! The map: *patches* (scans with poses) joined by *relations* (relative poses with covariances) into
-//! *islands* (connected components).
+//! The map: *patches* (scans with poses) joined by *relations* (relative poses with covariances)
+//! into *islands* (connected components).
 //!
-//! After chapter 5 of the ManifoldSLAM thesis (2006). Patches never move in their own frame; only their
-//! poses in the island's frame are re-estimated. A relation knows where it comes from and can be
-//! retracted: the manifold is then the one that was built without it.
+//! After chapter 5 of the ManifoldSLAM thesis (2006). Patches never move in their own frame; only
+//! their poses in the island's frame are re-estimated. A relation knows where it comes from and can
+//! be retracted: the manifold is then the one that was built without it.
 
 mod change;
 mod local_submap;

@@ -22,11 +22,11 @@ impl Ord for Variance {
 }
 
 impl Manifold {
-    /// How well patches are known seen from `start`: the Gaussian composed along the path on which the
-    /// position's variance grows least (Dijkstra).
+    /// How well patches are known seen from `start`: the Gaussian composed along the path on which
+    /// the position's variance grows least (Dijkstra).
     ///
-    /// The search ends once all of `wanted` are known; patches not reached by then, and those on other
-    /// islands, are `None`.
+    /// The search ends once all of `wanted` are known; patches not reached by then, and those on
+    /// other islands, are `None`.
     pub fn uncertainty_from(
         &self,
         start: PatchId,

@@ -41,8 +41,8 @@ pub struct Relation {
 }
 
 impl Relation {
-    /// The relation seen from `patch`: the patch at the other end and `patch_from_other`; `None` if `patch` is
-    /// not one of its ends.
+    /// The relation seen from `patch`: the patch at the other end and `patch_from_other`; `None` if
+    /// `patch` is not one of its ends.
     pub fn seen_from(&self, patch: PatchId) -> Option<(PatchId, GaussianPose2)> {
         if patch == self.from {
             Some((self.to, self.from_from_to))
@@ -54,8 +54,9 @@ impl Relation {
     }
 }
 
-/// The pose `b_from_robot` of a robot at `a_from_robot`, through the relation between patches `a` and `b`
-/// and not by way of the island's frame: the thesis's operator for use while refits are pending (5.5).
+/// The pose `b_from_robot` of a robot at `a_from_robot`, through the relation between patches `a`
+/// and `b` and not by way of the island's frame: the thesis's operator for use while refits are
+/// pending (5.5).
 ///
 /// `None` if `a` is not an end of the relation.
 pub fn through_relation(

@@ -1,5 +1,5 @@
-//! Every matcher on 100 pairs of noisy synthetic rooms (361 beams, 15 mm of noise, 0.3 m and 10 degrees
-//! apart, starting from the identity): error, time, and WSM against a submap of six scans.
+//! Every matcher on 100 pairs of noisy synthetic rooms (361 beams, 15 mm of noise, 0.3 m and 10
+//! degrees apart, starting from the identity): error, time, and WSM against a submap of six scans.
 //!
 //! `cargo run --release -p manifoldslam-matching --example matchers`
 

@@ -53,7 +53,8 @@ fn main() {
         build.sort_by(f64::total_cmp);
         times.sort_by(f64::total_cmp);
         println!(
-            "+-{half} m, +-{yaw} deg: build {:.2} ms, search median {:.3} ms, worst {:.3} ms, {} windows, {right} of {n} right",
+            "+-{half} m, +-{yaw} deg: build {:.2} ms, search median {:.3} ms, worst {:.3} ms, \
+             {} windows, {right} of {n} right",
             build[n / 2],
             times[n / 2],
             times[n - 1],

@@ -1,9 +1,9 @@
 use crate::PointCloud;
 use geometry::{Matrix3, Vector3};
 
-/// Fisher information of one scan about its pose in a known map, as right perturbation in the scan's
-/// frame (Censi, "On achievable accuracy for range-finder localization", ICRA 2007, eq. 8; the form used
-/// here is that of point-to-line residuals weighted by `1 / (s^2 cos^2 incidence)`).
+/// Fisher information of one scan about its pose in a known map, as right perturbation in the
+/// scan's frame (Censi, "On achievable accuracy for range-finder localization", ICRA 2007, eq. 8;
+/// the form used here is that of point-to-line residuals weighted by `1 / (s^2 cos^2 incidence)`).
 ///
 /// `truth` holds the true positions, rays, ranges and normals of the scan's beams; points without a
 /// normal and beams that graze their surface (cosine below 0.05) tell nothing that this first-order
@@ -29,8 +29,9 @@ pub fn fisher_information(
     information
 }
 
-/// Lower bound of the covariance of a scan's pose against a reference that `scans` equally good scans
-/// were averaged into: `(1 + 1/m) I^-1`; 2 I^-1 for two scans. `None` where a direction is open.
+/// Lower bound of the covariance of a scan's pose against a reference that `scans` equally good
+/// scans were averaged into: `(1 + 1/m) I^-1`; 2 I^-1 for two scans. `None` where a direction is
+/// open.
 ///
 /// `information` is to count the beams only that hit what the reference has seen.
 pub fn cramer_rao_bound(information: &Matrix3<f64>, scans: usize) -> Option<Matrix3<f64>> {

@@ -2,8 +2,8 @@ use crate::{MatchResult, Matcher, PointCloud, Prior, SearchSettings, WideSetting
 
 /// Wide search by branch and bound, then refinement by the Weighted Scan Matcher.
 ///
-/// Finds the best grid pose of the whole window, and the next best distinct ones; a good answer does not
-/// depend on a good prior.
+/// Finds the best grid pose of the whole window, and the next best distinct ones; a good answer
+/// does not depend on a good prior.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BranchAndBoundMatcher {
     /// The settings.

@@ -16,7 +16,8 @@ pub struct CloudPoint {
     pub normal: Option<Vector2<f64>>,
     /// Variance of the normal's direction, rad^2.
     pub normal_variance: f64,
-    /// Signed distance of the point from the line fitted to its neighbourhood, along the normal, metres.
+    /// Signed distance of the point from the line fitted to its neighbourhood, along the normal,
+    /// metres.
     pub line_distance: f64,
     /// Angle between neighbouring beams, radians: the sampling step of the scan.
     pub beam_step: f64,
@@ -37,8 +38,8 @@ pub struct PointCloud {
 pub struct PointCloudSettings {
     /// Standard deviation of a range, metres: no fit is trusted beyond it.
     pub range_std_m: f64,
-    /// How surface lines are fitted. Longer than the production matcher's: WSM chooses its pairs by these
-    /// lines, so they must not follow the noise (4 degrees of error at 15 mm and 40 cm).
+    /// How surface lines are fitted. Longer than the production matcher's: WSM chooses its pairs by
+    /// these lines, so they must not follow the noise (4 degrees of error at 15 mm and 40 cm).
     pub lines: LineFitSettings,
 }
 
@@ -53,8 +54,8 @@ impl Default for PointCloudSettings {
 }
 
 impl PointCloud {
-    /// The scan's hits in the robot's base frame, with normals from lines fitted to neighbouring beams
-    /// on the same surface.
+    /// The scan's hits in the robot's base frame, with normals from lines fitted to neighbouring
+    /// beams on the same surface.
     pub fn from_scan(scan: &Scan, base_from_laser: &Pose2, settings: &PointCloudSettings) -> Self {
         let beam_step = scan.laser().angle_increment_rad.abs();
         let mut points: Vec<CloudPoint> = (0..scan.len())

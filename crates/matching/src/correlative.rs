@@ -5,12 +5,12 @@ use crate::{
 };
 use geometry::Vector2;
 
-/// Olson's correlative matcher ("Real-time correlative scan matching", ICRA 2009), then refinement by
-/// the Weighted Scan Matcher.
+/// Olson's correlative matcher ("Real-time correlative scan matching", ICRA 2009), then refinement
+/// by the Weighted Scan Matcher.
 ///
-/// Two tables: every yaw and every coarse cell is bounded with the low-resolution one; cells are then
-/// searched at full resolution, best bound first, until no bound is better than the best pose. The
-/// same optimum as branch and bound, with two levels instead of many.
+/// Two tables: every yaw and every coarse cell is bounded with the low-resolution one; cells are
+/// then searched at full resolution, best bound first, until no bound is better than the best pose.
+/// The same optimum as branch and bound, with two levels instead of many.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CorrelativeMatcher {
     /// The settings.
@@ -29,12 +29,13 @@ impl Matcher for CorrelativeMatcher {
     }
 }
 
-/// The coarse table's cells are `2^3 = 8` fine cells wide, 40 cm at the default resolution; Olson uses
-/// 10 times.
+/// The coarse table's cells are `2^3 = 8` fine cells wide, 40 cm at the default resolution; Olson
+/// uses 10 times.
 const COARSE_LEVEL: u8 = 3;
 
 impl LikelihoodPyramid {
-    /// The best grid pose in a window by Olson's two-level search, if it scores at least `min_score`.
+    /// The best grid pose in a window by Olson's two-level search, if it scores at least
+    /// `min_score`.
     pub fn search_two_levels(
         &self,
         points: &[Vector2<f32>],

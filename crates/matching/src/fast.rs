@@ -19,8 +19,8 @@ pub struct FastSettings {
     pub step_m: f32,
     /// Cosine of the largest angle between a point's and its surfel's normal.
     pub normal_cos: f32,
-    /// Ratio of the weakest to the strongest direction's information below which a match is called
-    /// degenerate (yaw is scaled to metres by the mean range).
+    /// Ratio of the weakest to the strongest direction's information, metres and radians taken as they
+    /// are, below which a match is called degenerate.
     pub degenerate_ratio: f64,
 }
 
@@ -140,9 +140,10 @@ fn turn(pose: &Pose2) -> Matrix3<f64> {
 
 /// Information and gradient in field coordinates, corrected for the noise of the normals.
 ///
-/// Errors in variables: noise in the normals makes `sum w n n^T` too large across the true normals, by
-/// `sum w var(normal)`; in a corridor that would be all there is. The weak direction is taken back to
-/// what is left, in the gradient as well, so that the minimum stays where it is.
+/// Errors in variables: noise in the normals makes `sum w n n^T` too large across the true normals,
+/// by
+/// `sum w var(normal)`; in a corridor that would be all there is. The weak direction is taken back
+/// to what is left, in the gradient as well, so that the minimum stays where it is.
 fn corrected(n: &NormalEquations) -> (Matrix3<f64>, Vector3<f64>) {
     let [a, b, c, d, e, f] = n.h.map(f64::from);
     let full = Matrix3::new(a, b, c, b, d, e, c, e, f);

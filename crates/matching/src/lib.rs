@@ -2,8 +2,8 @@
 //!
 //! A [`Matcher`] compares a *scan cloud* (points in the new scan's `base` frame) with a *reference
 //! cloud* (points in the reference frame: one earlier scan, or a local submap of any size and field
-//! of view) and answers with a [`MatchResult`]: pose, covariance, inlier ratio, status. A weak match is
-//! a value, never an error.
+//! of view) and answers with a [`MatchResult`]: pose, covariance, inlier ratio, status. A weak
+//! match is a value, never an error.
 //!
 //! ```
 //! use geometry::Pose2;

@@ -22,10 +22,10 @@ impl Default for LikelihoodSettings {
     }
 }
 
-/// The likelihood of a scan point at every cell of a grid around a reference cloud, and upper bounds
-/// of it over windows of 2, 4, ... cells: the tables of the correlative matcher (Olson, "Real-time
-/// correlative scan matching", 2009) and of branch and bound (Hess et al., "Real-time loop closure
-/// in 2D lidar SLAM", 2016).
+/// The likelihood of a scan point at every cell of a grid around a reference cloud, and upper
+/// bounds of it over windows of 2, 4, ... cells: the tables of the correlative matcher (Olson,
+/// "Real-time correlative scan matching", 2009) and of branch and bound (Hess et al., "Real-time
+/// loop closure in 2D lidar SLAM", 2016).
 ///
 /// The likelihood of a point at distance `d` from the nearest reference point is
 /// `exp(-d^2 / (2 sigma^2))`, kept as `0..=255`.

@@ -10,13 +10,13 @@ pub struct LineFitSettings {
     pub min_neighbours: usize,
     /// Most neighbours to each side.
     pub max_neighbours: usize,
-    /// Two successive hits farther apart than this share of their range (plus `jump_m`) lie on different
-    /// surfaces.
+    /// Two successive hits farther apart than this share of their range (plus `jump_m`) lie on
+    /// different surfaces.
     pub jump_ratio: f64,
     /// See `jump_ratio`, metres.
     pub jump_m: f64,
-    /// A window whose points stray farther from its line than this (standard deviation, metres) is no
-    /// line.
+    /// A window whose points stray farther from its line than this (standard deviation, metres) is
+    /// no line.
     pub straight_m: f64,
 }
 
@@ -54,9 +54,11 @@ struct Sums {
     yy: f64,
 }
 
-/// Fits a line around every hit. `hits` are `(x, y, range)` in beam order, in a frame near the laser;
-/// `starts_new[i]` tells that hit `i` is not on the same surface run as hit `i - 1` for reasons of its own
-/// (missing beams). `range_std_m` is the measurement noise that no residual is trusted below.
+/// Fits a line around every hit. `hits` are `(x, y, range)` in beam order, in a frame near the
+/// laser;
+/// `starts_new[i]` tells that hit `i` is not on the same surface run as hit `i - 1` for reasons of
+/// its own (missing beams). `range_std_m` is the measurement noise that no residual is trusted
+/// below.
 ///
 /// Each hit takes the straightest of three windows: centred on it, ending at it, starting at it, so
 /// that fits do not reach around corners.

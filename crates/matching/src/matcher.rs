@@ -29,8 +29,8 @@ impl MatchStatus {
 pub struct MatchResult {
     /// `reference_from_scan`: the scan's base frame in the reference frame.
     pub pose: Pose2,
-    /// Covariance of `pose` as a right perturbation `(x, y, yaw)`, that is, in the scan's frame; from
-    /// the measurement alone, without any prior.
+    /// Covariance of `pose` as a right perturbation `(x, y, yaw)`, that is, in the scan's frame;
+    /// from the measurement alone, without any prior.
     pub covariance: Matrix3<f64>,
     /// Share of the scan's points with an accepted correspondence, 0 to 1.
     pub inlier_ratio: f64,

@@ -41,7 +41,8 @@ impl NeighbourTree {
         NeighbourTree { points, splits }
     }
 
-    /// Index and squared distance of the point nearest to `query`, if nearer than the square root of
+    /// Index and squared distance of the point nearest to `query`, if nearer than the square root
+    /// of
     /// `gate_squared`; among equals the one with the lowest index.
     pub fn nearest(&self, query: Vector2<f64>, gate_squared: f64) -> Option<(usize, f64)> {
         let (x, y) = (query.x as f32, query.y as f32);
@@ -53,7 +54,8 @@ impl NeighbourTree {
         (search.index != u32::MAX).then(|| (search.index as usize, f64::from(search.best)))
     }
 
-    /// Searches the points below `node`, whose box is `outside` away from the query along each axis.
+    /// Searches the points below `node`, whose box is `outside` away from the query along each
+    /// axis.
     fn visit(&self, node: usize, points: &[Entry], outside: (f32, f32), search: &mut Search) {
         if points.len() <= LEAF {
             for e in points {

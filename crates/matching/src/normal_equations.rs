@@ -2,8 +2,8 @@ use crate::surfel_field::Surfel;
 use crate::{LinePoint, SurfelField};
 use geometry::Pose2;
 
-/// Points handled side by side: every operation on a block is a loop over this many lanes, which the
-/// compiler turns into vector instructions.
+/// Points handled side by side: every operation on a block is a loop over this many lanes, which
+/// the compiler turns into vector instructions.
 pub(crate) const LANES: usize = 8;
 
 type Lanes = [f32; LANES];
@@ -79,9 +79,9 @@ struct LaneSums {
     pairs: Lanes,
 }
 
-/// Linearises the weighted point-to-line cost at `pose`: each point against the surfel nearest to it,
-/// weighted by both variances and a Geman-McClure kernel of scale `kernel_m`. Pairs whose normals
-/// differ by more than `acos(normal_cos)` are left out.
+/// Linearises the weighted point-to-line cost at `pose`: each point against the surfel nearest to
+/// it, weighted by both variances and a Geman-McClure kernel of scale `kernel_m`. Pairs whose
+/// normals differ by more than `acos(normal_cos)` are left out.
 pub(crate) fn linearise(
     field: &SurfelField,
     points: &PointBlocks,
@@ -141,8 +141,7 @@ impl LaneSums {
         kernel2: f32,
         normal_cos: f32,
     ) {
-        for k in 0..LANES {
-            let s = &surfels[k];
+        for (k, s) in surfels.iter().enumerate() {
             let r = s.nx * (p.x[k] + tx) + s.ny * (p.y[k] + ty) - s.offset;
             let alike = p.nx[k] * s.nx + p.ny[k] * s.ny >= normal_cos;
             let used = if alike { 1.0 } else { 0.0 };

@@ -14,8 +14,8 @@ impl YawSteps {
     /// Scan points farther than this do not make the steps finer, metres.
     const FAR: f64 = 20.0;
 
-    /// Steps that move the farthest point by a cell: `acos(1 - cell^2 / (2 r^2))` (Hess et al. 2016,
-    /// eq. 7).
+    /// Steps that move the farthest point by a cell: `acos(1 - cell^2 / (2 r^2))` (Hess et al.
+    /// 2016, eq. 7).
     pub fn new(points: &[Vector2<f32>], window: &SearchWindow, cell: f64) -> Self {
         let farthest = points.iter().fold(0f32, |far, p| far.max(p.norm()));
         let farthest = f64::from(farthest).clamp(2.0 * cell, Self::FAR);
@@ -90,8 +90,8 @@ impl<'a> Projections<'a> {
         &self.steps
     }
 
-    /// Upper bound of the sum of values over a node's poses, exact for a single pose; `None` as soon
-    /// as it cannot exceed `floor`.
+    /// Upper bound of the sum of values over a node's poses, exact for a single pose; `None` as
+    /// soon as it cannot exceed `floor`.
     pub fn bound(&mut self, node: &Node, floor: u32) -> Option<u32> {
         let (level, yaw) = (usize::from(node.yaw_level), node.yaw as usize);
         if self.made[level][yaw].is_none() {
@@ -175,14 +175,15 @@ fn floor(value: f32) -> i32 {
     truncated - i32::from(truncated as f32 > value)
 }
 
-/// How many cells away a point may fall that moves by `cells`; a little more than needed, for rounding.
+/// How many cells away a point may fall that moves by `cells`; a little more than needed, for
+/// rounding.
 #[inline]
 fn slack_cells(cells: f32) -> i32 {
     if cells <= 1e-6 { 0 } else { (cells + 1e-2).min(FAR_CELLS) as i32 + 1 }
 }
 
-/// Sum of the points' values, `None` as soon as even the largest values of the rest could not lift it
-/// above `floor`.
+/// Sum of the points' values, `None` as soon as even the largest values of the rest could not lift
+/// it above `floor`.
 #[inline]
 fn sum_above<T>(points: &[T], floor: u32, value: impl Fn(&T) -> u8) -> Option<u32> {
     const BLOCK: usize = 32;

@@ -81,9 +81,9 @@ impl LikelihoodPyramid {
 
     /// The best grid pose, then the best one distinct from it, and so on.
     ///
-    /// Best-first branch and bound over windows of `2^h x 2^h` cells and, at coarse levels, `2^h` steps
-    /// of yaw; a window's bound is the mean of the pyramid's window maxima (Hess et al. 2016, there
-    /// depth-first and with single yaws).
+    /// Best-first branch and bound over windows of `2^h x 2^h` cells and, at coarse levels, `2^h`
+    /// steps of yaw; a window's bound is the mean of the pyramid's window maxima (Hess et al. 2016,
+    /// there depth-first and with single yaws).
     pub fn search_many(
         &self,
         points: &[Vector2<f32>],
@@ -135,8 +135,8 @@ pub(crate) struct Node {
 }
 
 impl Ord for Node {
-    /// By bound; among equals the finer one first; then in a fixed order, so that ties are broken the
-    /// same way always.
+    /// By bound; among equals the finer one first; then in a fixed order, so that ties are broken
+    /// the same way always.
     fn cmp(&self, other: &Self) -> Ordering {
         let key = |n: &Node| {
             (n.sum, Reverse((n.level, n.yaw_level, n.yaw, n.dy.abs() + n.dx.abs(), n.dy, n.dx)))
@@ -153,8 +153,9 @@ impl PartialOrd for Node {
 
 /// Below this level, windows hold a single yaw.
 ///
-/// A window of `2^h` yaws needs the table one level up, so it bounds as loosely as one of `2^(h + 1)`
-/// cells with a single yaw while there are `2^h / 4` times fewer of them: worth it from `h = 3` on.
+/// A window of `2^h` yaws needs the table one level up, so it bounds as loosely as one of `2^(h +
+/// 1)` cells with a single yaw while there are `2^h / 4` times fewer of them: worth it from `h = 3`
+/// on.
 const MERGE_LEVEL: u8 = 3;
 
 pub(crate) struct Search<'a> {

@@ -79,9 +79,9 @@ pub struct SurfelField {
     min_y: f32,
     width: usize,
     height: usize,
-    /// `[layer][row][column]`: squared distance in cells to the nearest surfel (upper half, 0 only in a
-    /// surfel's own cell and layer) and its index (lower half), so that the nearer one, and of two
-    /// equally near the older, is the smaller number; `EMPTY` where none is in reach.
+    /// `[layer][row][column]`: squared distance in cells to the nearest surfel (upper half, 0 only
+    /// in a surfel's own cell and layer) and its index (lower half), so that the nearer one, and of
+    /// two equally near the older, is the smaller number; `EMPTY` where none is in reach.
     cells: Vec<u32>,
     surfels: Vec<Surfel>,
     moments: Vec<Moments>,
@@ -172,8 +172,8 @@ impl SurfelField {
         }
     }
 
-    /// Makes surfel `id` the nearest one in every cell it is nearer to than the present one; it counts
-    /// as at least `at_least` away.
+    /// Makes surfel `id` the nearest one in every cell it is nearer to than the present one; it
+    /// counts as at least `at_least` away.
     fn spread(&mut self, id: usize, layer: usize, column: usize, row: usize, at_least: u32) {
         let radius = self.disk.radius;
         for (dv, half, squares) in self.disk.rows() {
@@ -191,7 +191,8 @@ impl SurfelField {
         }
     }
 
-    /// True when a surface of the map that faces the viewer lies between `from` and `to` (field frame).
+    /// True when a surface of the map that faces the viewer lies between `from` and `to` (field
+    /// frame).
     pub fn blocks(&self, from: (f32, f32), to: (f32, f32)) -> bool {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let length = (dx * dx + dy * dy).sqrt();
@@ -237,14 +238,14 @@ impl SurfelField {
         let (x0, y0) = ((tx - self.min_x) * inverse, (ty - self.min_y) * inverse);
         let (width, height) = (self.width as u32, self.height as u32);
         let mut cells = [u32::MAX; LANES];
-        for k in 0..LANES {
+        for (k, slot) in cells.iter_mut().enumerate() {
             // Negative cells become huge and fail the comparison below.
             let u = (points.x[k] * inverse + x0) as i32 as u32;
             let v = (points.y[k] * inverse + y0) as i32 as u32;
             let layer = layer_of(points.nx[k], points.ny[k]) as u32;
             let inside = u < width && v < height;
             let cell = (layer * height + v).wrapping_mul(width).wrapping_add(u);
-            cells[k] = if inside { cell } else { u32::MAX };
+            *slot = if inside { cell } else { u32::MAX };
         }
         for k in 0..LANES {
             if let Some(&cell) = self.cells.get(cells[k] as usize)
@@ -282,7 +283,7 @@ fn layer_of(nx: f32, ny: f32) -> usize {
 /// The layer of a normal and the next one if the normal is not far from it.
 fn layers_of(nx: f32, ny: f32) -> (usize, Option<usize>) {
     let layer = layer_of(nx, ny);
-    let (along, positive, negative) = if layer % 2 == 0 { (ny, 1, 3) } else { (nx, 0, 2) };
+    let (along, positive, negative) = if layer.is_multiple_of(2) { (ny, 1, 3) } else { (nx, 0, 2) };
     let neighbour = if along >= 0.0 { positive } else { negative };
     (layer, (along.abs() >= NEIGHBOUR_LAYER_COMPONENT).then_some(neighbour))
 }

@@ -1,6 +1,7 @@
-//! The Weighted Scan Matcher (Pfister, Kriechbaum, Roumeliotis, Burdick, "Weighted range sensor matching
-//! algorithms for mobile robot displacement estimation", ICRA 2002), generalised from two scans to
-//! clouds of any size and field of view. Equations and their derivations: docs/math/wsm.md.
+//! The Weighted Scan Matcher (Pfister, Kriechbaum, Roumeliotis, Burdick, "Weighted range sensor
+//! matching algorithms for mobile robot displacement estimation", ICRA 2002), generalised from two
+//! scans to clouds of any size and field of view. Equations and their derivations:
+//! docs/math/wsm.md.
 
 pub(crate) mod error_model;
 mod information;
@@ -37,8 +38,8 @@ pub struct WsmSettings {
     pub bearing_std_rad: f64,
     /// Magnitude of the range bias, metres.
     pub range_bias_m: f64,
-    /// Factor on the standard deviation of the correspondence error. More than 1 takes weight off the
-    /// direction along surfaces, where a pair knows little.
+    /// Factor on the standard deviation of the correspondence error. More than 1 takes weight off
+    /// the direction along surfaces, where a pair knows little.
     pub corr_scale: f64,
     /// Count the correspondence error of the sparser point only, not of both.
     pub one_sided: bool,
@@ -97,8 +98,8 @@ impl Default for WsmSettings {
 }
 
 impl WsmSettings {
-    /// The thesis's settings: 10 mm and 0.002 rad of noise, the whole sampling step of both scans, a
-    /// fixed gate of 0.5 m, the published covariance.
+    /// The thesis's settings: 10 mm and 0.002 rad of noise, the whole sampling step of both scans,
+    /// a fixed gate of 0.5 m, the published covariance.
     pub fn thesis() -> Self {
         WsmSettings {
             range_std_m: 0.01,
@@ -125,8 +126,8 @@ impl WsmSettings {
     }
 }
 
-/// The gate is narrowed once steps are shorter than this share of it: narrowing while the pose still
-/// moves loses the pairs that move it (docs/math/wsm.md, "The gate").
+/// The gate is narrowed once steps are shorter than this share of it: narrowing while the pose
+/// still moves loses the pairs that move it (docs/math/wsm.md, "The gate").
 const SETTLED_SHARE: f64 = 0.02;
 
 /// While the gate is wide, the pose is off by about this share of it, and pairs with it.
@@ -195,8 +196,8 @@ impl WsmMatcher {
         self.conclude(&mut fine, pose, iterations)
     }
 
-    /// The pairs of one iteration. While the gate is wide, the chi-square gate has to wait: far pairs
-    /// are what moves the scan; and the pose's own error is part of theirs.
+    /// The pairs of one iteration. While the gate is wide, the chi-square gate has to wait: far
+    /// pairs are what moves the scan; and the pose's own error is part of theirs.
     fn weighted_pairs(
         &self,
         pairing: &mut Pairing<'_>,

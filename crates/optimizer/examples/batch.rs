@@ -2,9 +2,10 @@
 //!
 //! `cargo run --release -p manifoldslam-optimizer --example batch -- GRAPH.g2o... [--out DIR]`
 //!
-//! Times are CPU time (Linux; wall time elsewhere) from the graph in memory on, and cover the symbolic analysis and all iterations.
-//! Ground truth is looked for beside a graph, in `GRAPH.truth.txt` (iSAM edges; the odometry edges
-//! are chained). One line per graph is printed, which `bench/optimizer/compare.py` reads; with
+//! Times are CPU time (Linux; wall time elsewhere) from the graph in memory on, and cover the
+//! symbolic analysis and all iterations. Ground truth is looked for beside a graph, in
+//! `GRAPH.truth.txt` (iSAM edges; the odometry edges are chained). One line per graph is printed,
+//! which `bench/optimizer/compare.py` reads; with
 //! `--out` the optimised graphs are written as well.
 
 mod common;

@@ -3,17 +3,17 @@
 //! `cargo run --release -p manifoldslam-optimizer --example outliers -- SEEDS GRAPH.g2o...`,
 //! with seeds as `20` for 0 to 19 or as `100..120`.
 //!
-//! "x % false" means that x % of all closures are false once they have been added: at 80 % there are
-//! four false closures to a true one. With `--of-true` as the first argument it means x false
+//! "x % false" means that x % of all closures are false once they have been added: at 80 % there
+//! are four false closures to a true one. With `--of-true` as the first argument it means x false
 //! closures per hundred true ones. A false closure joins two random nodes that do not follow each
 //! other, by a relative pose drawn evenly from the disc of the true closures' translations and all
 //! rotations, with the information of a random true closure. Nothing tells the optimiser which they
 //! are, and the poses of the file are not used.
 //!
-//! Errors are root mean squares after rigid alignment. Where truth is known (`GRAPH.truth.txt`), the
-//! bar is the ratio of the result's error to that of the clean graph's optimum. Where it is not, the
-//! clean optimum itself is the reference; beside the distance from it, a ratio is given that takes
-//! the clean optimum's own uncertainty for its unknown error:
+//! Errors are root mean squares after rigid alignment. Where truth is known (`GRAPH.truth.txt`),
+//! the bar is the ratio of the result's error to that of the clean graph's optimum. Where it is
+//! not, the clean optimum itself is the reference; beside the distance from it, a ratio is given
+//! that takes the clean optimum's own uncertainty for its unknown error:
 //! `sqrt(sigma^2 + distance^2) / sigma`, with sigma the root mean square of the marginal standard
 //! deviations of the positions about the first node, scaled by the clean graph's a-posteriori
 //! variance factor (its information matrices understate how good it is).

@@ -44,7 +44,7 @@ pub struct ConsistentSet {
     pub exact: bool,
 }
 
-/// A largest set of pairwise consistent closures: pairwise consistency maximisation (Mangelsen,
+/// A largest set of pairwise consistent closures: pairwise consistency maximisation (Mangelson,
 /// Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set maximization", 2018).
 ///
 /// `odometry(a, b)` is the trusted `a_from_b`, or `None` where there is none, such as between

@@ -44,7 +44,8 @@ impl GncSettings {
 }
 
 /// Graduated non-convexity (Yang, Antonante, Tzoumas and Carlone 2020): the robust loss is
-/// approached from its convex surrogate, alternating weighted least squares and closed-form weights.
+/// approached from its convex surrogate, alternating weighted least squares and closed-form
+/// weights.
 ///
 /// The report's costs are sums of weighted squared residuals under the weights it returns.
 pub fn optimize_gnc<G: LieGroup<D>, const D: usize>(

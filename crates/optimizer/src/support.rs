@@ -8,8 +8,9 @@ use std::f64::consts::PI;
 const WINDOW: u32 = 25;
 /// Most neighbours one closure is compared with.
 const MAX_TESTS: usize = 200;
-/// Closures expected to be vouched for by chance alone in the whole graph, were agreements independent.
-/// They are not: who agrees with one closure of a bundle agrees with most of it. Hence a small number.
+/// Closures expected to be vouched for by chance alone in the whole graph, were agreements
+/// independent. They are not: who agrees with one closure of a bundle agrees with most of it. Hence
+/// a small number.
 const EXPECTED_WRONG: f64 = 1e-3;
 
 /// What the closures of a graph look like as a whole.
@@ -35,7 +36,7 @@ struct Candidate<G, const D: usize> {
 ///
 /// Two closures `i -> j` and `i' -> j'` with `i` near `i'` and `j` near `j'` form a short loop with
 /// the trusted paths between their ends. It is tested as in pairwise consistency maximisation
-/// (Mangelsen et al. 2018, eq. 5), but only where the loop is short enough to say something: the
+/// (Mangelson et al. 2018, eq. 5), but only where the loop is short enough to say something: the
 /// cost is linear in the number of closures, and no closure needs a good global estimate.
 pub(crate) fn supported<G: LieGroup<D>, const D: usize>(
     graph: &PoseGraph<G, D>,

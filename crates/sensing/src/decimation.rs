@@ -15,8 +15,8 @@ impl Scan {
         Scan::from_parts(laser, ranges.into(), classes)
     }
 
-    /// Indices of hits so that, along the scan, each endpoint kept lies at least `spacing_m` from the one
-    /// kept before: near surfaces are thinned out, far ones stay.
+    /// Indices of hits so that, along the scan, each endpoint kept lies at least `spacing_m` from
+    /// the one kept before: near surfaces are thinned out, far ones stay.
     pub fn spaced_hits(&self, spacing_m: f64) -> Vec<usize> {
         let mut kept = Vec::new();
         let mut last: Option<Vector2<f64>> = None;

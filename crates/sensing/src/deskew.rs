@@ -18,8 +18,8 @@ impl Twist {
     }
 }
 
-/// A sweep taken while the robot moved: beams are measured one after the other, from the first to the
-/// last in `duration_secs`, at constant velocity.
+/// A sweep taken while the robot moved: beams are measured one after the other, from the first to
+/// the last in `duration_secs`, at constant velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     /// Velocity of the base during the sweep.
@@ -42,15 +42,15 @@ pub struct DeskewedHit {
 }
 
 impl Sweep {
-    /// `reference_from_beam`: the base frame at the time of beam `index` of `beams`, seen from the base
-    /// frame at the reference time.
+    /// `reference_from_beam`: the base frame at the time of beam `index` of `beams`, seen from the
+    /// base frame at the reference time.
     pub fn reference_from_beam(&self, index: usize, beams: usize) -> Pose2 {
         let progress = if beams > 1 { index as f64 / (beams - 1) as f64 } else { self.reference };
         self.twist.motion((progress - self.reference) * self.duration_secs)
     }
 
-    /// The scan's hits as one rigid picture at the reference time: each beam starts where the laser was
-    /// when it was measured.
+    /// The scan's hits as one rigid picture at the reference time: each beam starts where the laser
+    /// was when it was measured.
     pub fn deskew(&self, scan: &Scan, base_from_laser: &Pose2) -> Vec<DeskewedHit> {
         (0..scan.len())
             .filter_map(|i| {

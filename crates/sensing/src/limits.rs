@@ -77,9 +77,10 @@ struct Bin {
 /// Finds the reading a scanner uses to say "nothing seen" where the log does not tell.
 ///
 /// CARMEN's old laser lines carry no maximum range, and scanners write 8, 16, 32, 50, 80, 81.83 or
-/// 81.91 m when no echo comes back. Such a code shows in the histogram of the readings as an isolated
-/// peak at its upper end, read by beams all over the scan; ranges to surfaces thin out smoothly.
-/// The detector takes scans in the log's order, in constant memory, and depends on nothing else.
+/// 81.91 m when no echo comes back. Such a code shows in the histogram of the readings as an
+/// isolated peak at its upper end, read by beams all over the scan; ranges to surfaces thin out
+/// smoothly. The detector takes scans in the log's order, in constant memory, and depends on
+/// nothing else.
 #[derive(Clone)]
 pub struct NoReturnDetector {
     bins: Box<[Bin]>,
@@ -99,7 +100,8 @@ impl NoReturnDetector {
     pub fn observe(&mut self, readings_m: &[f32]) {
         self.beams = self.beams.max(readings_m.len() as u32);
         for (beam, &reading) in readings_m.iter().enumerate() {
-            // Float-to-integer conversion saturates: NaN and negatives land in bin 0, never looked at.
+            // Float-to-integer conversion saturates: NaN and negatives land in bin 0, never looked
+            // at.
             if let Some(bin) = self.bins.get_mut((reading * BINS_PER_M + 0.5) as usize) {
                 bin.count = bin.count.saturating_add(1);
                 bin.first_beam = bin.first_beam.min(beam as u32);
@@ -127,8 +129,8 @@ impl NoReturnDetector {
         None
     }
 
-    /// True when no bin in the metre below `index` holds a fifth of `count`. The bin right below may
-    /// hold the same value rounded the other way.
+    /// True when no bin in the metre below `index` holds a fifth of `count`. The bin right below
+    /// may hold the same value rounded the other way.
     fn dominates(&self, index: usize, count: u32) -> bool {
         let metre = BINS_PER_M as usize;
         let below = &self.bins[index - metre..index - 1];

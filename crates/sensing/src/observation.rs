@@ -15,7 +15,8 @@ pub struct Observation {
     pub robot: RobotId,
     /// When, by the log's clock. Never used for ordering.
     pub stamp: Stamp,
-    /// Robot base in its odometry frame; `None` where the log has no odometry or it is switched off.
+    /// Robot base in its odometry frame; `None` where the log has no odometry or it is switched
+    /// off.
     pub odom_from_base: Option<Pose2>,
     /// Mounting of the laser on the robot.
     pub base_from_laser: Pose2,

@@ -33,7 +33,8 @@ pub struct LaserModel {
 impl LaserModel {
     /// Smallest usable range by default: SICK LMS scanners report garbage below it.
     pub const DEFAULT_RANGE_MIN_M: f32 = 0.05;
-    /// Largest usable range by default; no-return codes of common scanners (50, 80, 81.83) lie above.
+    /// Largest usable range by default; no-return codes of common scanners (50, 80, 81.83) lie
+    /// above.
     pub const DEFAULT_RANGE_MAX_M: f32 = 40.0;
 
     /// A scanner whose beams span the half circle in front, right to left, as CARMEN logs have it.

@@ -19,7 +19,8 @@ impl ActiveSubmap {
         ActiveSubmap { anchor: PatchId(0), members: Vec::new(), field }
     }
 
-    /// Gathers the local submap of `anchor` and lays its field, with room to drive on by `margin_m`.
+    /// Gathers the local submap of `anchor` and lays its field, with room to drive on by
+    /// `margin_m`.
     pub fn rebuild(&mut self, map: &Map, anchor: PatchId, limits: &SubmapLimits, margin_m: f64) {
         self.gather(map, anchor, limits);
         self.lay(map, margin_m);
@@ -46,8 +47,8 @@ impl ActiveSubmap {
         self.field.insert(surface, &anchor_from_patch);
     }
 
-    /// The member whose origin is nearest to a pose in the anchor's frame, and its pose. Rotation counts:
-    /// a radian of turn is as far as `metres_per_radian`.
+    /// The member whose origin is nearest to a pose in the anchor's frame, and its pose. Rotation
+    /// counts: a radian of turn is as far as `metres_per_radian`.
     pub fn nearest(&self, anchor_from_base: &Pose2, metres_per_radian: f64) -> (PatchId, Pose2) {
         let cost = |pose: &Pose2| {
             let (dx, dy) = (pose.x - anchor_from_base.x, pose.y - anchor_from_base.y);

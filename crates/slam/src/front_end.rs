@@ -94,8 +94,8 @@ impl FrontEnd {
         Localisation { patch, patch_from_base, is_patch, recovered: poor, explained }
     }
 
-    /// After a refit moved the map: lays the submap anew around `patch`, the robot staying where it is seen
-    /// from there.
+    /// After a refit moved the map: lays the submap anew around `patch`, the robot staying where it
+    /// is seen from there.
     pub fn relocate(&mut self, map: &Map, patch: PatchId) {
         let anchor_from_patch =
             self.submap.members.iter().find(|m| m.0 == patch).map_or(Pose2::IDENTITY, |m| m.1);
@@ -128,8 +128,8 @@ impl FrontEnd {
         odometry.filter(|_| self.config.odometry.enabled)
     }
 
-    /// How much longer than usual nothing was seen, seconds. Odometry in such gaps is not to be trusted:
-    /// it may have been held up as well. Stamps that jump back say nothing.
+    /// How much longer than usual nothing was seen, seconds. Odometry in such gaps is not to be
+    /// trusted: it may have been held up as well. Stamps that jump back say nothing.
     fn blind_secs(&mut self, stamp: Stamp) -> f64 {
         let last = self.last_stamp.replace(stamp).unwrap_or(stamp);
         let gap = stamp.secs_since(last);
@@ -166,9 +166,9 @@ impl FrontEnd {
         }
     }
 
-    /// Odometry and a match that contradict each other: where the match is not decisive, or was only found
-    /// from another start, either may be wrong. The next relation is doubted by as much as they differ, so
-    /// that loop closing looks around there.
+    /// Odometry and a match that contradict each other: where the match is not decisive, or was
+    /// only found from another start, either may be wrong. The next relation is doubted by as much
+    /// as they differ, so that loop closing looks around there.
     fn note_disagreement(
         &mut self,
         difference: &Pose2,
@@ -287,22 +287,24 @@ fn ring(ring: u32) -> impl Iterator<Item = f64> {
     [-turn, turn].into_iter().skip(usize::from(ring == 0))
 }
 
-/// A match started from a ring may turn this much farther than the ring, radians; rings are half as far
-/// apart.
+/// A match started from a ring may turn this much farther than the ring, radians; rings are half as
+/// far apart.
 const RING_RAD: f64 = 0.35;
 /// Starting points are compared on every second point.
 const RECOVERY_STEP: usize = 2;
 /// Rings of ten degrees that are searched after a poor fit, and after a fair one.
 const ALL_RINGS: u32 = 10;
 const FEW_RINGS: u32 = 3;
-/// Scans this far apart are nothing unusual, seconds; farther apart than the other, the log was stopped.
+/// Scans this far apart are nothing unusual, seconds; farther apart than the other, the log was
+/// stopped.
 const USUAL_GAP_SECS: f64 = 1.0;
 const MAX_GAP_SECS: f64 = 60.0;
 /// What a robot may have done unseen, per second of a gap: metres, metres, radians.
 const BLIND_STD_PER_SEC: [f64; 3] = [0.1, 0.1, 0.3];
 /// A match this good settles where the robot is, whatever odometry says: metres, metres, radians.
 const DECISIVE_STD: [f64; 3] = [0.05, 0.05, 0.02];
-/// Odometry and match contradict each other beyond this many standard deviations of the motion model.
+/// Odometry and match contradict each other beyond this many standard deviations of the motion
+/// model.
 const DISAGREEMENT_SIGMAS: f64 = 4.0;
 
 fn add_patch(observation: Observation, scan: &[LinePoint], pose: Pose2, map: &mut Map) -> PatchId {

@@ -41,7 +41,8 @@ impl OdometrySettings {
         self.gaussian_along(motion, motion.norm(), motion.yaw.abs())
     }
 
-    /// A measured motion whose path was longer than it looks: `distance_m` driven, `turn_rad` turned.
+    /// A measured motion whose path was longer than it looks: `distance_m` driven, `turn_rad`
+    /// turned.
     pub fn gaussian_along(&self, motion: Pose2, distance_m: f64, turn_rad: f64) -> GaussianPose2 {
         let translation = self.translation_floor_m
             + self.translation_per_m * distance_m

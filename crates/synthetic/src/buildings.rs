@@ -178,8 +178,8 @@ pub fn corridor(length: f64, width: f64) -> FloorPlan {
     plan
 }
 
-/// A drive from one closed end to the other of a straight corridor, 2 m wide, with a door frame about
-/// every `door_spacing` metres.
+/// A drive from one closed end to the other of a straight corridor, 2 m wide, with a door frame
+/// about every `door_spacing` metres.
 pub fn corridor_run(seed: u64, length: f64, door_spacing: f64, robot: &Robot) -> Run {
     let rng = &mut StdRng::seed_from_u64(seed);
     let mut plan = FloorPlan::new();

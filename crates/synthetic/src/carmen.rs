@@ -3,8 +3,9 @@ use geometry::Pose2;
 use sensing::{BeamClass, Stamp};
 use std::io::Write;
 
-/// Writes a run's observations as CARMEN text: one `FLASER` line per scan, with the odometry pose of
-/// laser and base. No return reads 81.83 and ranges have two decimals, as scanners of that time had.
+/// Writes a run's observations as CARMEN text: one `FLASER` line per scan, with the odometry pose
+/// of laser and base. No return reads 81.83 and ranges have two decimals, as scanners of that time
+/// had.
 ///
 /// # Errors
 /// When the writer fails.

@@ -3,7 +3,8 @@ use crate::{FloorPlan, Robot, Run};
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
 /// An office floor of `size` x `size` blocks of look-alike rooms between parallel corridors, driven
-/// row by row: the place-recognition trap. One block is 12 x 10 m; a run of size 3 is some 200 m long.
+/// row by row: the place-recognition trap. One block is 12 x 10 m; a run of size 3 is some 200 m
+/// long.
 pub fn office(seed: u64, size: usize, robot: &Robot) -> Run {
     let rng = &mut StdRng::seed_from_u64(seed);
     let size = size.clamp(1, 20);
@@ -53,8 +54,8 @@ fn office_way(size: usize) -> Vec<(f64, f64)> {
     way
 }
 
-/// A square ring of corridor, `length` metres around and 2.4 m wide, bare but for a door frame about
-/// every `door_spacing` metres, driven once around and `overlap` metres on.
+/// A square ring of corridor, `length` metres around and 2.4 m wide, bare but for a door frame
+/// about every `door_spacing` metres, driven once around and `overlap` metres on.
 pub fn ring_corridor(
     seed: u64,
     length: f64,
@@ -90,8 +91,8 @@ pub fn ring_corridor(
     Run::record(plan, robot, &points, seed)
 }
 
-/// A hall of `width` x `depth` metres with pillars on an irregular grid and a few stands, driven in a
-/// spiral: long ranges, many beams without return for short-sighted lasers.
+/// A hall of `width` x `depth` metres with pillars on an irregular grid and a few stands, driven in
+/// a spiral: long ranges, many beams without return for short-sighted lasers.
 pub fn hall(seed: u64, width: f64, depth: f64, robot: &Robot) -> Run {
     let rng = &mut StdRng::seed_from_u64(seed);
     let mut plan = FloorPlan::new();

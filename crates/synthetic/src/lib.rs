@@ -1,7 +1,8 @@
 //! Worlds with known truth: floor plans, exact ray casting, a laser and wheels with honest noise.
 //!
-//! Everything is drawn from a seed, so that the same call gives the same bytes on every machine with
-//! the same `rand`. Frames: plans and true poses live in `world`; odometry starts at the identity.
+//! Everything is drawn from a seed, so that the same call gives the same bytes on every machine
+//! with the same `rand`. Frames: plans and true poses live in `world`; odometry starts at the
+//! identity.
 //!
 //! ```
 //! use manifoldslam_synthetic::two_loop_building;
@@ -9,8 +10,8 @@
 //! assert_eq!(run.truth.len(), run.observations.len());
 //! ```
 //!
-//! Reading order: [`FloorPlan`], [`RayCaster`], [`Scanner`], [`Drive`], [`WheelNoise`], [`Run`], then
-//! the buildings made of them and the CARMEN writer.
+//! Reading order: [`FloorPlan`], [`RayCaster`], [`Scanner`], [`Drive`], [`WheelNoise`], [`Run`],
+//! then the buildings made of them and the CARMEN writer.
 
 mod buildings;
 mod carmen;

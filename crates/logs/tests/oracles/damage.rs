@@ -57,6 +57,9 @@ fn every_byte_flip_is_survived() {
     }
 }
 
+/// What a damaged log may consist of.
+const WORDS: &str = "FLASER|RLASER|ROBOTLASER1|ODOM|PARAM|[0-9]{1,3}|-?[0-9.]{1,9}|nan|inf|\n";
+
 proptest! {
     #[test]
     fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
@@ -67,7 +70,7 @@ proptest! {
 
     #[test]
     fn any_words_are_survived(
-        words in prop::collection::vec("FLASER|RLASER|ROBOTLASER1|ODOM|PARAM|[0-9]{1,3}|-?[0-9.]{1,9}|nan|inf|\n", 0..300),
+        words in prop::collection::vec(WORDS, 0..300),
     ) {
         let (records, report) = read(words.join(" "));
         prop_assert_eq!(records.len() as u64, report.scans);

@@ -2,7 +2,8 @@ use manifoldslam_logs::{CarmenReader, ReadOptions};
 use sensing::{LaserLimits, NoReturnDetector};
 use std::path::PathBuf;
 
-/// Scans, beams a scan, stamps that jump back, beams without return (as the data's description counts).
+/// Scans, beams a scan, stamps that jump back, beams without return (as the data's description
+/// counts).
 const LOGS: [(&str, usize, usize, u64, usize); 3] = [
     ("intel", 13631, 180, 631, 68_313),
     ("aces", 7374, 180, 0, 11_139),

@@ -43,8 +43,8 @@ fn composed(path: &[GaussianPose2]) -> Vec<GaussianPose2> {
 }
 
 proptest! {
-    /// In a tree there is one way to each patch: it is a member if and only if every pose on the way is
-    /// within the limits.
+    /// In a tree there is one way to each patch: it is a member if and only if every pose on the
+    /// way is within the limits.
     #[test]
     fn in_a_tree_members_are_the_patches_known_well_enough(
         links in tree(PATCHES),
@@ -70,8 +70,8 @@ proptest! {
         }
     }
 
-    /// In any graph: the start first; then each member admitted, composed onto a member one step nearer;
-    /// never one twice; nothing left out that a member could reach.
+    /// In any graph: the start first; then each member admitted, composed onto a member one step
+    /// nearer; never one twice; nothing left out that a member could reach.
     #[test]
     fn in_a_graph_the_submap_is_a_complete_search_in_breadth(
         links in links(PATCHES, 16, gaussian()),

@@ -43,8 +43,8 @@ proptest! {
         prop_assert!((end.covariance - expected).norm() < 1e-6 * (1.0 + expected.norm()));
     }
 
-    /// In the chain's first frame nothing that was lost on the way comes back: the determinant of the
-    /// covariance (the adjoint's is one) and the yaw's variance only grow.
+    /// In the chain's first frame nothing that was lost on the way comes back: the determinant of
+    /// the covariance (the adjoint's is one) and the yaw's variance only grow.
     #[test]
     fn along_a_chain_uncertainty_grows(chain in prop::collection::vec(gaussian(), 2..PATCHES)) {
         let links: Vec<_> = chain.iter().enumerate().map(|(i, &g)| (i, i + 1, g)).collect();
@@ -56,8 +56,8 @@ proptest! {
         }
     }
 
-    /// Without yaw noise the variance of a path is the sum of its relations', so the least one is what
-    /// Bellman and Ford find.
+    /// Without yaw noise the variance of a path is the sum of its relations', so the least one is
+    /// what Bellman and Ford find.
     #[test]
     fn position_variances_are_shortest_paths(
         links in links(PATCHES, 14, gaussian_without_yaw_noise()),

@@ -36,9 +36,9 @@ pub(crate) fn weighted_points(cloud: &PointCloud, settings: &WsmSettings) -> Vec
 
 /// Where the point's ray meets its surface line.
 ///
-/// Along the ray, not along the normal: the noise is along the ray, so this is where the beam really hit,
-/// while a foot of the perpendicular still carries the noise along the surface. Grazing rays are
-/// not moved farther than by a tenth of their range.
+/// Along the ray, not along the normal: the noise is along the ray, so this is where the beam
+/// really hit, while a foot of the perpendicular still carries the noise along the surface. Grazing
+/// rays are not moved farther than by a tenth of their range.
 fn drawn_onto_line(point: &CloudPoint, normal: Vector2<f64>) -> Vector2<f64> {
     let cos = normal.dot(&point.ray);
     let shift = if cos.abs() > 1e-3 { point.line_distance / cos } else { 0.0 };
@@ -76,9 +76,9 @@ fn weighted_point(point: &CloudPoint, settings: &WsmSettings) -> WeightedPoint {
 /// `(d_min^3 + d_max^3) / (3 (d_min + d_max))`, with
 /// `d = l sin(beta) / sin(alpha +- beta)`.
 ///
-/// `alpha` is the angle between beam and surface, at least three beam steps (the formula has a pole at
-/// one); `beta` the beam step, halved where pairs are nearest neighbours, which are at most half a
-/// spacing away.
+/// `alpha` is the angle between beam and surface, at least three beam steps (the formula has a pole
+/// at one); `beta` the beam step, halved where pairs are nearest neighbours, which are at most half
+/// a spacing away.
 fn sampling(
     point: &CloudPoint,
     surface: Option<&SurfaceLine>,

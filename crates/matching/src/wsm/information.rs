@@ -14,7 +14,8 @@ pub(crate) struct Information {
 }
 
 impl Information {
-    /// Accumulates the pairs at a pose. The derivation is in docs/math/wsm.md, "An honest covariance".
+    /// Accumulates the pairs at a pose. The derivation is in docs/math/wsm.md, "An honest
+    /// covariance".
     pub fn of(pairs: &[Pair<'_>], pose: &Pose2, settings: &WsmSettings) -> Self {
         let (s, c) = pose.yaw.sin_cos();
         let r = Matrix2::new(c, -s, s, c);
@@ -72,8 +73,8 @@ impl Information {
 }
 
 /// The share of a pair's weight that answers to a displacement, in the scan's frame: across the
-/// surface, since along it the nearest neighbour slides with the estimate; less what the error of the
-/// surface's direction pretends.
+/// surface, since along it the nearest neighbour slides with the estimate; less what the error of
+/// the surface's direction pretends.
 fn observable(pair: &Pair<'_>, w: &Matrix2<f64>, r: &Matrix2<f64>) -> Matrix2<f64> {
     let Some(line) = pair.surface(r) else { return *w };
     let normal = r.transpose() * line.normal;

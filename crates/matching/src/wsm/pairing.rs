@@ -22,8 +22,8 @@ pub(crate) struct WeightedPair {
 }
 
 impl Pair<'_> {
-    /// The surface both points lie on, in the reference frame: the mean of the two directions, weighted
-    /// by how well they are known.
+    /// The surface both points lie on, in the reference frame: the mean of the two directions,
+    /// weighted by how well they are known.
     pub fn surface(&self, r: &Matrix2<f64>) -> Option<SurfaceLine> {
         let scan = self.scan.surface.map(|l| SurfaceLine { normal: r * l.normal, ..l });
         match (self.reference.surface, scan) {
@@ -38,9 +38,9 @@ impl Pair<'_> {
 
     /// `P = P^C + P^N_a + R P^N_b R^T` (thesis eq. 4.5; the biases are within `P^N`).
     ///
-    /// `P^C` is the correspondence error: along the surface, multiplied by `corr_scale` squared, and the
-    /// little across it that comes of an error in the surface's direction; every way, and not
-    /// multiplied, where that direction is not known.
+    /// `P^C` is the correspondence error: along the surface, multiplied by `corr_scale` squared,
+    /// and the little across it that comes of an error in the surface's direction; every way, and
+    /// not multiplied, where that direction is not known.
     pub fn covariance(&self, r: &Matrix2<f64>, corr_scale: f64, one_sided: bool) -> Matrix2<f64> {
         let (a, b) = (self.reference.spacing_variance, self.scan.spacing_variance);
         // The sparser of two samplings decides how far off a neighbour may be.
@@ -133,8 +133,8 @@ impl<'a> Pairing<'a> {
         self.scan.len()
     }
 
-    /// Pairs of points that are each other's nearest neighbours at a pose, within `gate` metres (and
-    /// half a sampling step, where that is more).
+    /// Pairs of points that are each other's nearest neighbours at a pose, within `gate` metres
+    /// (and half a sampling step, where that is more).
     pub fn mutual_pairs(&mut self, pose: &Pose2, gate: f64) -> Vec<Pair<'a>> {
         let (s, c) = pose.yaw.sin_cos();
         let (r, p) = (Matrix2::new(c, -s, s, c), pose.translation());

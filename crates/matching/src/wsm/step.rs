@@ -35,8 +35,9 @@ impl PriorTerm {
     }
 }
 
-/// One round of the Weighted Scan Matcher's alternating minimisation with frozen pairs: translation in
-/// closed form, centre of rotation, one Newton step of rotation about it. Returns the new pose, or
+/// One round of the Weighted Scan Matcher's alternating minimisation with frozen pairs: translation
+/// in closed form, centre of rotation, one Newton step of rotation about it. Returns the new pose,
+/// or
 /// `None` where the pairs leave a direction open.
 ///
 /// The letters (a) to (d) are those of docs/math/wsm.md.

@@ -91,8 +91,9 @@ fn open_directions_have_no_bound() {
     assert_eq!(cramer_rao_bound(&fisher_information(&one_wall, 0.01, 0.0), 1), None);
 }
 
-/// Normalised squared error against the two-scan bound, over 3: 1 for an efficient matcher, and never
-/// less. Returns the root of its trimmed mean and of its median over the median's expectation.
+/// Normalised squared error against the two-scan bound, over 3: 1 for an efficient matcher, and
+/// never less. Returns the root of its trimmed mean and of its median over the median's
+/// expectation.
 fn efficiency(matcher: &dyn Matcher) -> (f64, f64, usize) {
     let scanner = scanner();
     let mut squares = Vec::new();

@@ -237,7 +237,7 @@ fn garbage_never_panics_nor_gives_nan() {
                 normal_variance: number(1.0),
                 line_distance: number(1.0),
                 beam_step: number(0.1),
-                beam: (i as u32).wrapping_mul(if n % 2 == 0 { 1 } else { 0x9999_9999 }),
+                beam: (i as u32).wrapping_mul(if n.is_multiple_of(2) { 1 } else { 0x9999_9999 }),
             })
             .collect();
         PointCloud { points }

@@ -2,6 +2,8 @@
 
 mod bound;
 mod calibration;
+mod field;
 mod laws;
+mod lines;
 mod rooms;
 mod search;

@@ -1,7 +1,8 @@
 use geometry::{Pose2, Vector2};
 use manifoldslam_sensing::{LaserModel, Scan, Sweep, Twist};
 
-/// Distance from `origin` along `direction` to the walls of a 12 x 8 m room around the world's origin.
+/// Distance from `origin` along `direction` to the walls of a 12 x 8 m room around the world's
+/// origin.
 fn ray_to_room(origin: Vector2<f64>, direction: Vector2<f64>) -> f64 {
     let along = |o: f64, d: f64, wall: f64| if d > 0.0 { (wall - o) / d } else { (-wall - o) / d };
     along(origin.x, direction.x, 6.0).min(along(origin.y, direction.y, 4.0))

@@ -2,7 +2,8 @@ use manifoldslam_sensing::{LaserLimits, NoReturnDetector};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
-/// Scans of 180 beams: surfaces up to `reach_m` in centimetres, and a share of beams without return.
+/// Scans of 180 beams: surfaces up to `reach_m` in centimetres, and a share of beams without
+/// return.
 fn scans(reach_m: f32, code_m: f32, share: f64, count: usize, seed: u64) -> Vec<Vec<f32>> {
     let mut rng = StdRng::seed_from_u64(seed);
     let beam = |rng: &mut StdRng| {
@@ -60,7 +61,8 @@ fn surfaces_alone_are_no_code() {
 
 #[test]
 fn a_far_wall_stared_at_is_no_code() {
-    // A standing robot, without noise: twelve beams see the corridor's end at 17.12 m in every scan.
+    // A standing robot, without noise: twelve beams see the corridor's end at 17.12 m in every
+    // scan.
     let scan: Vec<f32> = (0..180)
         .map(|i| if (84..96).contains(&i) { 17.12 } else { 2.0 + i as f32 * 0.01 })
         .collect();

@@ -24,8 +24,8 @@ pub(crate) struct Candidates {
     last_look: Option<Pose2>,
 }
 
-/// Candidates are this many patches away from the query, so that they are places left and met again, with
-/// surroundings that are complete; overlaps nearer by are the refit's business.
+/// Candidates are this many patches away from the query, so that they are places left and met
+/// again, with surroundings that are complete; overlaps nearer by are the refit's business.
 const SETTLED_PATCHES: u32 = 30;
 
 impl Candidates {
@@ -33,8 +33,8 @@ impl Candidates {
         Candidates { settings, limits, signatures: BTreeMap::new(), last_look: None }
     }
 
-    /// The best places for `query`, best first, spaced apart: patches that are not known well enough to
-    /// be in its local submap, but may see the same surfaces. Those within the search box
+    /// The best places for `query`, best first, spaced apart: patches that are not known well
+    /// enough to be in its local submap, but may see the same surfaces. Those within the search box
     /// around the belief are ranked by distance, those beyond it by the look of the place.
     pub fn of(&mut self, query: PatchId, map: &Map) -> Vec<Candidate> {
         let mut found: Vec<(f64, Candidate)> = Vec::new();
@@ -67,8 +67,8 @@ impl Candidates {
         self.spaced(found.into_iter().map(|f| f.1), map)
     }
 
-    /// Patches that are places left and perhaps met again: those in the search box, and all others when
-    /// looking all round is due.
+    /// Patches that are places left and perhaps met again: those in the search box, and all others
+    /// when looking all round is due.
     fn possible(&self, query: PatchId, look_due: bool, map: &Map) -> Vec<PatchId> {
         let own = map.pose(query);
         let box_m = self.settings.reach_m + self.settings.window_m;
@@ -80,8 +80,9 @@ impl Candidates {
             .collect()
     }
 
-    /// `None` when a patch is known to be elsewhere, or known well enough to be in the local submap;
-    /// else whether it lies outside the search box around the belief, so that only its look can tell.
+    /// `None` when a patch is known to be elsewhere, or known well enough to be in the local
+    /// submap; else whether it lies outside the search box around the belief, so that only its look
+    /// can tell.
     fn may_overlap(&self, here: &Pose2, belief: &GaussianPose2) -> Option<bool> {
         let s = &self.settings;
         let sigma = (belief.covariance[(0, 0)] + belief.covariance[(1, 1)]).sqrt();

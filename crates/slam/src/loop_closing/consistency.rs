@@ -4,9 +4,9 @@ use manifold::PatchId;
 
 /// Closures that wait for others to agree with them.
 ///
-/// Two closures agree when driving from one to the other along the robot's recent path gives the same as
-/// driving along the old one: the pairwise consistency of PCM (Mangelson et al., ICRA 2018), with a
-/// tolerance in place of covariances that grows with the distance between the two.
+/// Two closures agree when driving from one to the other along the robot's recent path gives the
+/// same as driving along the old one: the pairwise consistency of PCM (Mangelson et al., ICRA
+/// 2018), with a tolerance in place of covariances that grows with the distance between the two.
 pub(crate) struct PendingClosures {
     support: usize,
     waiting: Vec<Closure>,
@@ -17,7 +17,8 @@ pub(crate) struct PendingClosures {
 const SMALL_SHIFT_M: f64 = 0.5;
 /// 99 % quantile of chi-squared with three degrees of freedom.
 const CHI2_3_99: f64 = 11.34;
-/// Disagreement allowed between two closures next to each other, and its growth with their distance.
+/// Disagreement allowed between two closures next to each other, and its growth with their
+/// distance.
 const TOLERANCE_M: f64 = 0.15;
 const TOLERANCE_PER_M: f64 = 0.02;
 const TOLERANCE_RAD: f64 = 0.04;

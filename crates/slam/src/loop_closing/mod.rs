@@ -1,5 +1,6 @@
-//! Loop closing by geometry: candidates from the uncertainty of the pose and from the look of the place,
-//! searched by branch and bound, verified, and accepted only in sets that agree with one another.
+//! Loop closing by geometry: candidates from the uncertainty of the pose and from the look of the
+//! place, searched by branch and bound, verified, and accepted only in sets that agree with one
+//! another.
 
 mod candidates;
 mod consistency;
@@ -33,7 +34,8 @@ pub struct ClosingSettings {
     pub candidates: usize,
     /// Candidates of one search lie at least this far apart, metres.
     pub spacing_m: f64,
-    /// Half width of the search box, metres; beyond it candidates are chosen by the look of the place.
+    /// Half width of the search box, metres; beyond it candidates are chosen by the look of the
+    /// place.
     pub window_m: f64,
     /// The query's own surroundings reach this far, metres ...
     pub query_distance_m: f64,
@@ -51,10 +53,11 @@ pub struct ClosingSettings {
     pub rival: f64,
     /// Largest share of sight lines that may pass through walls of the candidate's submap.
     pub seen_through: f64,
-    /// A closure's covariance is this many times that of a match where the robot has been all along: the
-    /// right corridor may still be matched at the wrong door.
+    /// A closure's covariance is this many times that of a match where the robot has been all
+    /// along: the right corridor may still be matched at the wrong door.
     pub caution: f64,
-    /// A closure known less well than this along any axis says too little to be worth its risk, metres.
+    /// A closure known less well than this along any axis says too little to be worth its risk,
+    /// metres.
     pub largest_std_m: f64,
     /// Closures that must agree with a new one that moves the map.
     pub support: usize,
@@ -196,11 +199,14 @@ impl LoopCloser {
             }
         }
         self.statistics.tried += pairs.len();
-        // Each pair is looked at by itself and the answers are taken in order: the number of threads
-        // makes no difference.
+        // Each pair is looked at by itself and the answers are taken in order: the number of
+        // threads makes no difference.
         let answers: Vec<Result<Closure, Rejection>> = pairs
             .par_iter()
-            .map_init(|| self.verifier.clone(), |verifier, (query, c)| verifier.verify(*query, c, map))
+            .map_init(
+                || self.verifier.clone(),
+                |verifier, (query, c)| verifier.verify(*query, c, map),
+            )
             .collect();
         let mut accepted = Vec::new();
         for answer in answers {

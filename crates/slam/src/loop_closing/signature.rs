@@ -8,8 +8,9 @@ const HARMONICS: usize = 5;
 
 /// What a place looks like from all round, whatever the robot's heading.
 ///
-/// The surroundings are counted in rings around the place; of each ring's distribution over bearings the
-/// magnitudes of the first Fourier coefficients are kept, which a turn of the robot does not change.
+/// The surroundings are counted in rings around the place; of each ring's distribution over
+/// bearings the magnitudes of the first Fourier coefficients are kept, which a turn of the robot
+/// does not change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Signature([[f32; HARMONICS]; RINGS]);
 

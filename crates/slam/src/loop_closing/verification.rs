@@ -6,8 +6,8 @@ use crate::map::Map;
 use geometry::{GaussianPose2, Pose2, Vector2};
 use manifold::{PatchId, SubmapLimits};
 use matching::{
-    FastMatcher, LikelihoodPyramid, LikelihoodSettings, LinePoint, MatchResult,
-    Prior, SearchSettings, SearchWindow,
+    FastMatcher, LikelihoodPyramid, LikelihoodSettings, LinePoint, MatchResult, Prior,
+    SearchSettings, SearchWindow,
 };
 use std::f64::consts::PI;
 
@@ -74,7 +74,8 @@ impl Verifier {
         if self.seen_through(query, &best.pose, map) > self.settings.seen_through {
             return Err(Rejection::SeenThrough);
         }
-        let spread = |i: usize| (best.covariance[(i, i)] * self.settings.caution * self.correlation).sqrt();
+        let spread =
+            |i: usize| (best.covariance[(i, i)] * self.settings.caution * self.correlation).sqrt();
         if spread(0).max(spread(1)) > self.settings.largest_std_m {
             return Err(Rejection::Degenerate);
         }

@@ -6,8 +6,8 @@ use manifold::{PatchId, Provenance};
 use matching::{FastMatcher, Prior, SurfelField};
 use std::collections::VecDeque;
 
-/// The thesis's refit (algorithm 5.4): outwards from the patches that closed loops, every patch is matched
-/// anew with the neighbour it is reached from and placed there.
+/// The thesis's refit (algorithm 5.4): outwards from the patches that closed loops, every patch is
+/// matched anew with the neighbour it is reached from and placed there.
 ///
 /// The error is pushed to the far side of each loop, over half its length; kept for comparison with
 /// the global refit. Without closures nothing changes.

@@ -80,8 +80,8 @@ impl Default for RefitSettings {
     }
 }
 
-/// Re-estimates all patch poses from the relations of the run. Closures that turn out to contradict the
-/// rest are retracted; returns them.
+/// Re-estimates all patch poses from the relations of the run. Closures that turn out to contradict
+/// the rest are retracted; returns them.
 pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
     let mut graph = graph_of(map);
     let mut closures = Vec::new();

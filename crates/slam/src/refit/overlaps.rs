@@ -88,8 +88,8 @@ impl Neighbourhood {
         Neighbourhood { radius_m, cells }
     }
 
-    /// Patches within the radius of `patch` and their poses seen from it, those most alike in place and
-    /// heading first.
+    /// Patches within the radius of `patch` and their poses seen from it, those most alike in place
+    /// and heading first.
     fn of(&self, patch: PatchId, map: &Map) -> Vec<(PatchId, Pose2)> {
         let own = map.pose(patch);
         let (u, v) = cell_of(&own, self.radius_m);

@@ -13,9 +13,9 @@ pub(crate) struct Knowledge {
 
 /// The most likely trajectory given measurements of single poses and of the motions between them.
 ///
-/// Gauss-Newton on the chain; its normal equations are block tridiagonal and are solved by block elimination
-/// forwards and substitution backwards, in time linear in the number of poses. Motions that contradict
-/// the map are weighted down (Cauchy kernel of scale `outlier_sigmas`).
+/// Gauss-Newton on the chain; its normal equations are block tridiagonal and are solved by block
+/// elimination forwards and substitution backwards, in time linear in the number of poses. Motions
+/// that contradict the map are weighted down (Cauchy kernel of scale `outlier_sigmas`).
 pub(crate) fn smooth(
     knowledge: &[Knowledge],
     outlier_sigmas: f64,
@@ -31,7 +31,8 @@ pub(crate) fn smooth(
     poses
 }
 
-/// One row of the block tridiagonal system: `lower x[i-1] + diagonal x[i] + lower(i+1)^T x[i+1] = right`.
+/// One row of the block tridiagonal system: `lower x[i-1] + diagonal x[i] + lower(i+1)^T x[i+1] =
+/// right`.
 #[derive(Clone, Copy, Debug)]
 struct Row {
     lower: Matrix3<f64>,
@@ -56,7 +57,8 @@ fn linearise(knowledge: &[Knowledge], poses: &[Pose2], outlier_sigmas: f64) -> V
         let residual = motion.mean.between(&predicted).log();
         let distance2 = (residual.transpose() * information * residual).x;
         let w = information / (1.0 + distance2 / (outlier_sigmas * outlier_sigmas));
-        // d residual / d step[i] is close to the identity, d residual / d step[i-1] to -Ad(predicted^-1).
+        // d residual / d step[i] is close to the identity, d residual / d step[i-1] to
+        // -Ad(predicted^-1).
         let j = -predicted.inverse().adjoint();
         rows[i].diagonal += w;
         rows[i].right -= w * residual;
