@@ -1,9 +1,10 @@
 use crate::SlamConfig;
 use crate::active_submap::ActiveSubmap;
 use crate::map::Map;
+use crate::plausibility::Plausibility;
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
 use manifold::{PatchId, Provenance};
-use matching::{FastMatcher, LinePoint, MatchResult, Prior};
+use matching::{FastMatcher, FastSettings, LinePoint, MatchResult, Prior};
 use sensing::{Observation, Stamp};
 use std::sync::Arc;
 
@@ -22,6 +23,12 @@ pub(crate) struct FrontEnd {
     since_patch: Option<(Pose2, f64, f64)>,
     /// Covariance added by disagreement of odometry and matches since the last patch.
     doubt: Matrix3<f64>,
+}
+
+/// The outcome of matching one scan.
+struct Localised {
+    best: MatchResult,
+    first_was_poor: bool,
 }
 
 /// Where a scan was localised.
@@ -67,17 +74,9 @@ impl FrontEnd {
             &Vector3::from(BLIND_STD_PER_SEC).map(|std| (std * blind).powi(2)),
         );
         let prior = self.predict(&motion);
-        let mut result = self.matcher.align(&self.submap.field, scan, &prior);
-        let e = &self.config.extension;
-        let poor = result.inlier_ratio < e.recover_below;
-        if poor || blind > 0.0 || result.inlier_ratio < e.explained {
-            let rings = if poor || blind > 0.0 { ALL_RINGS } else { FEW_RINGS };
-            let better = self.recover(scan, &prior, result, rings);
-            // A fair fit gives way only to a good one.
-            if poor || better.inlier_ratio > e.explained {
-                result = better;
-            }
-        }
+        let result = self.localise(scan, &prior, &motion, blind > 0.0);
+        let poor = result.first_was_poor;
+        let result = result.best;
         let pose = if result.status.is_usable() { result.pose } else { prior.pose };
         self.note_disagreement(&prior.pose.between(&pose), &motion, &result, poor);
         self.last_motion = self.anchor_from_base.between(&pose);
@@ -92,6 +91,37 @@ impl FrontEnd {
         };
         let explained = result.inlier_ratio;
         Localisation { patch, patch_from_base, is_patch, recovered: poor, explained }
+    }
+
+    /// Where the scan was taken: matched from the prior, and from other starting points when that fit is
+    /// poor, contradicts odometry or follows a gap.
+    fn localise(
+        &self,
+        scan: &[LinePoint],
+        prior: &Prior,
+        motion: &GaussianPose2,
+        after_gap: bool,
+    ) -> Localised {
+        let e = &self.config.extension;
+        let field = &self.submap.field;
+        let predicted = GaussianPose2 { mean: prior.pose, ..*motion };
+        let silent = self.last_odometry.is_some() && motion.mean == Pose2::IDENTITY;
+        let plausibility = Plausibility::new(predicted, scan.len(), silent);
+        let mut best = self.matcher.align(field, scan, prior);
+        if plausibility.distance2(&best) > CONTRADICTION_SIGMAS * CONTRADICTION_SIGMAS {
+            // Something that moves along, a person walking ahead, may have drawn the match away.
+            let kernel_start_m = self.config.matcher.kernel_end_m;
+            let settings = FastSettings { kernel_start_m, ..self.config.matcher };
+            let strict = FastMatcher { settings }.align(field, scan, prior);
+            best = plausibility.better(best, strict);
+            best = plausibility.better(best, self.matcher.conclude(field, scan, prior.pose, 0));
+        }
+        let first_was_poor = best.inlier_ratio < e.recover_below;
+        if first_was_poor || after_gap || best.inlier_ratio < e.explained {
+            let rings = if first_was_poor || after_gap { ALL_RINGS } else { FEW_RINGS };
+            best = self.recover(scan, prior, best, rings, &plausibility);
+        }
+        Localised { best, first_was_poor }
     }
 
     /// After a refit moved the map: lays the submap anew around `patch`, the robot staying where it
@@ -203,6 +233,7 @@ impl FrontEnd {
         prior: &Prior,
         first: MatchResult,
         rings: u32,
+        plausibility: &Plausibility,
     ) -> MatchResult {
         let e = &self.config.extension;
         let starts = [self.anchor_from_base * self.last_motion, self.anchor_from_base, prior.pose];
@@ -217,6 +248,7 @@ impl FrontEnd {
                 if result.status.is_usable()
                     && turned < turn.abs() + RING_RAD
                     && result.inlier_ratio > best.inlier_ratio + e.recover_gain
+                    && plausibility.of(&result) > plausibility.of(&best)
                 {
                     best = result;
                 }
@@ -229,7 +261,8 @@ impl FrontEnd {
         if best == first {
             return first;
         }
-        self.matcher.align(field, scan, &Prior::guess(best.pose))
+        let refined = self.matcher.align(field, scan, &Prior::guess(best.pose));
+        plausibility.better(first, refined)
     }
 
     /// True when the submap does not know the scan's surroundings well enough (algorithm 5.2, lines
@@ -281,6 +314,8 @@ impl FrontEnd {
     }
 }
 
+/// A match farther from odometry than this is doubted.
+const CONTRADICTION_SIGMAS: f64 = 3.0;
 /// The turns of a ring, radians: to the right and to the left.
 fn ring(ring: u32) -> impl Iterator<Item = f64> {
     let turn = f64::from(ring) * 0.5 * RING_RAD;

@@ -12,6 +12,7 @@ mod loop_closing;
 mod map;
 mod mapper;
 mod motion_model;
+mod plausibility;
 mod refit;
 
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
