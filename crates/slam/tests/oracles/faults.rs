@@ -126,17 +126,22 @@ fn a_gap_in_which_the_robot_turned_is_bridged() {
     }
 }
 
-/// Seeds of faults that still break the map: the robot turns in a narrow room while nothing tells
-/// it, and takes one wall for another.
+/// Once broke the map: the robot turns in a narrow room while odometry tells it something else.
 #[test]
-#[ignore = "known weakness: large unmeasured turns among look-alike walls"]
-fn unmeasured_turns_among_like_walls_are_seen_through() {
+fn false_odometry_in_a_turn_is_seen_through() {
     let truth = &building().truth;
     let jump = Pose2::new(0.0, 0.0, 85f64.to_radians());
     let errors = [
-        gap(1.2, true),
         error_of("frozen at 150", truth, &frozen(150)),
         error_of("85 deg at 150", truth, &odometry_jumps(150, |motion| motion * jump)),
     ];
-    assert_eq!(below(0.1, &errors), errors.len(), "{errors:?}");
+    assert_eq!(below(0.03, &errors), errors.len(), "{errors:?}");
+}
+
+/// Still breaks the map: in a gap with nothing measured the robot takes one wall for another.
+#[test]
+#[ignore = "known weakness: a large unmeasured turn among look-alike walls"]
+fn an_unmeasured_turn_among_like_walls_is_seen_through() {
+    let error = gap(1.2, true);
+    assert!(error < 0.1, "{error}");
 }
