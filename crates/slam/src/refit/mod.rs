@@ -67,7 +67,7 @@ impl Default for RefitSettings {
             method: RefitMethod::Global,
             rounds: 2,
             overlap_distance_m: 4.0,
-            overlaps_per_patch: 8,
+            overlaps_per_patch: 10,
             overlap_share: 0.3,
             reach_m: 0.3,
             kernel_start_m: 0.1,

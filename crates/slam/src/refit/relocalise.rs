@@ -9,7 +9,7 @@ use matching::{FastMatcher, Prior, SurfelField};
 use rayon::prelude::*;
 
 /// Standard deviations of a scan's pose before it is matched with the refitted map.
-const BEFORE_STD: [f64; 3] = [0.15, 0.15, 0.06];
+const BEFORE_STD: [f64; 3] = [0.03, 0.03, 0.02];
 /// A scan that a match moves farther than this was matched wrongly, metres.
 const LARGEST_MOVE_M: f64 = 0.3;
 /// Gauss-Newton iterations over the whole trajectory; its starting point is within centimetres.
