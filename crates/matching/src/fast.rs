@@ -19,8 +19,8 @@ pub struct FastSettings {
     pub step_m: f32,
     /// Cosine of the largest angle between a point's and its surfel's normal.
     pub normal_cos: f32,
-    /// Ratio of the weakest to the strongest direction's information, metres and radians taken as they
-    /// are, below which a match is called degenerate.
+    /// Ratio of the weakest to the strongest direction's information, metres and radians taken as
+    /// they are, below which a match is called degenerate.
     pub degenerate_ratio: f64,
 }
 

@@ -196,7 +196,9 @@ impl SurfelField {
     pub fn blocks(&self, from: (f32, f32), to: (f32, f32)) -> bool {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let length = (dx * dx + dy * dy).sqrt();
-        let steps = (length / self.settings.cell_m) as usize;
+        // No line of sight inside the window is longer than its sides together.
+        let longest = (self.width + self.height) as f32;
+        let steps = (length / self.settings.cell_m).min(longest) as usize;
         let (ux, uy) = (dx / length.max(1e-6), dy / length.max(1e-6));
         let layer = layer_of(-ux, -uy);
         (1..steps).any(|k| {

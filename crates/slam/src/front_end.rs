@@ -93,8 +93,8 @@ impl FrontEnd {
         Localisation { patch, patch_from_base, is_patch, recovered: poor, explained }
     }
 
-    /// Where the scan was taken: matched from the prior, and from other starting points when that fit is
-    /// poor, contradicts odometry or follows a gap.
+    /// Where the scan was taken: matched from the prior, and from other starting points when that
+    /// fit is poor, contradicts odometry or follows a gap.
     fn localise(
         &self,
         scan: &[LinePoint],

@@ -1,17 +1,17 @@
 use geometry::GaussianPose2;
 use matching::MatchResult;
 
-/// What a point that fits is worth, in nats of log-likelihood. Neighbouring points fit or fail together,
-/// so it is less than a single measurement's worth.
+/// What a point that fits is worth, in nats of log-likelihood. Neighbouring points fit or fail
+/// together, so it is less than a single measurement's worth.
 const NATS_PER_POINT: f64 = 0.3;
-/// Degrees of freedom of the Student distribution taken for odometry's error: now and then wheels slip by
-/// far more than a Gaussian allows.
+/// Degrees of freedom of the Student distribution taken for odometry's error: now and then wheels
+/// slip by far more than a Gaussian allows.
 const STUDENT: f64 = 3.0;
 
 /// Weighs how well a scan fits against how far the robot would have moved from what odometry says.
 ///
-/// Indoors a wrong pose often fits nearly as well as the right one, and a pose inside the known map always
-/// explains more of a scan than one beyond its edge; the fit alone must not decide.
+/// Indoors a wrong pose often fits nearly as well as the right one, and a pose inside the known map
+/// always explains more of a scan than one beyond its edge; the fit alone must not decide.
 pub(crate) struct Plausibility {
     predicted: GaussianPose2,
     points: f64,
@@ -20,8 +20,8 @@ pub(crate) struct Plausibility {
 }
 
 impl Plausibility {
-    /// `predicted` is the pose expected with the motion's covariance; `silent` tells that odometry read
-    /// exactly zero.
+    /// `predicted` is the pose expected with the motion's covariance; `silent` tells that odometry
+    /// read exactly zero.
     pub fn new(predicted: GaussianPose2, points: usize, silent: bool) -> Self {
         Plausibility { predicted, points: points as f64, silent }
     }

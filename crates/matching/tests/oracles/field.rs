@@ -68,8 +68,8 @@ fn a_kept_field_is_the_field_laid_anew() {
     }
 }
 
-/// `sum of 1/2 kernel^2 r^2 / (kernel^2 + r^2) / variance` by one point and one surface: what the matcher
-/// minimises, where the nearest surfel is never in doubt.
+/// `sum of 1/2 kernel^2 r^2 / (kernel^2 + r^2) / variance` by one point and one surface: what the
+/// matcher minimises, where the nearest surfel is never in doubt.
 #[test]
 fn the_gradient_is_the_derivative_of_the_robust_cost() {
     // One straight wall, exactly known: every surfel lies on the line y = 2.

@@ -36,8 +36,8 @@ fn exact_walls_have_exact_normals_towards_the_laser() {
             let beam = beam.expect("a room is closed");
             assert!((normal.norm() - 1.0).abs() < 1e-6);
             assert!(normal.dot(&position) < 0.0, "towards the laser");
-            // Ranges are f32, so that a fit over 20 cm is good to some microradians. Around a corner
-            // no single normal is right.
+            // Ranges are f32, so that a fit over 20 cm is good to some microradians. Around a
+            // corner no single normal is right.
             let corner = truth.iter().flatten().any(|other| {
                 other.normal.dot(&beam.normal) < 0.5 && (end(other) - position).norm() < 0.3
             });
