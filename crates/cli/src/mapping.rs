@@ -66,25 +66,32 @@ impl StageObserver for StageClock {
 }
 
 /// A scan on its way from the reader to the mapper.
-pub struct PreparedScan {
-    stamp: Stamp,
-    stamp_text: String,
-    prepared: PreparedObservation,
+pub enum IncomingScan {
+    /// As read: the reader was behind.
+    Read(LogRecord),
+    /// Prepared for the mapper, with its stamp and the stamp's text.
+    Prepared(Stamp, String, PreparedObservation),
 }
 
-/// What the reading thread does with every scan, so that the mapper has less to do.
-pub fn preparing(config: &SlamConfig) -> impl FnMut(LogRecord) -> PreparedScan + Send + use<> {
+/// What the reading thread does with every scan. Preparing is the same work on either thread; it is done
+/// where there is time.
+pub fn preparing(
+    config: &SlamConfig,
+) -> impl FnMut(LogRecord, bool) -> IncomingScan + Send + use<> {
     let mut preparation = Preparation::new(config);
-    move |record| PreparedScan {
-        stamp: record.observation.stamp,
-        stamp_text: record.stamp_text,
-        prepared: preparation.prepare(record.observation),
+    move |record, behind| {
+        if behind {
+            return IncomingScan::Read(record);
+        }
+        let stamp = record.observation.stamp;
+        let prepared = preparation.prepare(record.observation);
+        IncomingScan::Prepared(stamp, record.stamp_text, prepared)
     }
 }
 
 /// Maps a log of `size` bytes (0 where unknown) while it is being read.
 pub fn map_log(
-    reading: Reading<PreparedScan>,
+    reading: Reading<IncomingScan>,
     size: u64,
     config: &Config,
     global: &Global,
@@ -99,15 +106,25 @@ pub fn map_log(
         let asked = Instant::now();
         let Some(record) = records.next() else { break };
         waiting += asked.elapsed();
-        first = first.min(record.stamp.0);
-        last = last.max(record.stamp.0);
         let patches = mapper.manifold().patches().len();
-        mapper.step_prepared(record.prepared);
+        let (stamp, stamp_text) = match record {
+            IncomingScan::Read(record) => {
+                let stamp = record.observation.stamp;
+                mapper.step(record.observation);
+                (stamp, record.stamp_text)
+            }
+            IncomingScan::Prepared(stamp, stamp_text, prepared) => {
+                mapper.step_prepared(prepared);
+                (stamp, stamp_text)
+            }
+        };
+        first = first.min(stamp.0);
+        last = last.max(stamp.0);
         patch_scans.resize(mapper.manifold().patches().len(), patch_scans.len());
         for scan in &mut patch_scans[patches..] {
             *scan = stamps.len();
         }
-        stamps.push(record.stamp_text);
+        stamps.push(stamp_text);
         if stamps.len() % PROGRESS_EVERY == 0 {
             bar.set_position(reading.position());
             bar.set_message(format!("{} scans", stamps.len()));

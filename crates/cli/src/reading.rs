@@ -2,24 +2,27 @@ use anyhow::{Result, anyhow};
 use logs::{CarmenReader, LogFile, LogInput, LogRecord, ReadOptions, ReadReport};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Scans that travel together.
 const BATCH: usize = 32;
+/// With fewer batches waiting the reader is behind and leaves the preparation to the user.
+const ENOUGH: usize = 4;
 /// Batches that may wait; then the reader waits, so that memory stays bounded.
 const WAITING: usize = 16;
 
 /// A log that is read, decompressed and prepared on a thread of its own while its scans are being
 /// used.
 ///
-/// `T` is what the preparation makes of each scan.
+/// `T` is what the preparation makes of each scan; it is told whether the reader is behind its user.
 pub struct Reading<T> {
     receiver: Receiver<Vec<T>>,
     thread: JoinHandle<(ReadReport, Duration)>,
     position: Arc<AtomicU64>,
+    waiting: Arc<AtomicUsize>,
 }
 
 impl<T: Send + 'static> Reading<T> {
@@ -28,7 +31,7 @@ impl<T: Send + 'static> Reading<T> {
         file: LogFile,
         path: &Path,
         options: ReadOptions,
-        prepare: impl FnMut(LogRecord) -> T + Send + 'static,
+        prepare: impl FnMut(LogRecord, bool) -> T + Send + 'static,
     ) -> Result<Self> {
         let position = file.position;
         let reader = CarmenReader::new(file.input, options).with_name(path);
@@ -40,7 +43,7 @@ impl<T: Send + 'static> Reading<T> {
         text: Vec<u8>,
         name: &Path,
         options: ReadOptions,
-        prepare: impl FnMut(LogRecord) -> T + Send + 'static,
+        prepare: impl FnMut(LogRecord, bool) -> T + Send + 'static,
     ) -> Result<Self> {
         let input: LogInput = Box::new(std::io::Cursor::new(text));
         Self::start(CarmenReader::new(input, options).with_name(name), Arc::default(), prepare)
@@ -49,15 +52,20 @@ impl<T: Send + 'static> Reading<T> {
     fn start(
         mut reader: CarmenReader<LogInput>,
         position: Arc<AtomicU64>,
-        mut prepare: impl FnMut(LogRecord) -> T + Send + 'static,
+        mut prepare: impl FnMut(LogRecord, bool) -> T + Send + 'static,
     ) -> Result<Self> {
         let (sender, receiver) = sync_channel(WAITING);
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let counter = Arc::clone(&waiting);
         let work = move || {
             let mut busy = Duration::ZERO;
             loop {
                 let start = Instant::now();
-                let batch: Vec<T> = reader.by_ref().take(BATCH).map(&mut prepare).collect();
+                let behind = counter.load(Ordering::Relaxed) < ENOUGH;
+                let scans = reader.by_ref().take(BATCH);
+                let batch: Vec<T> = scans.map(|record| prepare(record, behind)).collect();
                 busy += start.elapsed();
+                counter.fetch_add(1, Ordering::Relaxed);
                 // Nobody takes the scans any more when mapping has failed.
                 if batch.is_empty() || sender.send(batch).is_err() {
                     return (reader.finish(), busy);
@@ -65,12 +73,15 @@ impl<T: Send + 'static> Reading<T> {
             }
         };
         let thread = std::thread::Builder::new().name("reading".into()).spawn(work)?;
-        Ok(Reading { receiver, thread, position })
+        Ok(Reading { receiver, thread, position, waiting })
     }
 
     /// The scans, in the log's order.
     pub fn records(&self) -> impl Iterator<Item = T> {
-        self.receiver.iter().flatten()
+        let taken = |_: &Vec<T>| {
+            self.waiting.fetch_sub(1, Ordering::Relaxed);
+        };
+        self.receiver.iter().inspect(taken).flatten()
     }
 
     /// Bytes taken from disk so far.

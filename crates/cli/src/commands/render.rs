@@ -156,7 +156,7 @@ impl Source {
     /// The scans to draw with their lasers' poses, and whether the log lost some.
     fn read_scans(&self, config: &Config, all: bool) -> Result<(Vec<(Pose2, Scan)>, bool)> {
         let file = LogFile::open(&self.log)?;
-        let reading = Reading::of_file(file, &self.log, read_options(config), |record| record)?;
+        let reading = Reading::of_file(file, &self.log, read_options(config), |record, _| record)?;
         let mut scans = Vec::new();
         let mut last: Option<Pose2> = None;
         let mut count = 0;
