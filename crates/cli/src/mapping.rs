@@ -73,8 +73,8 @@ pub enum IncomingScan {
     Prepared(Stamp, String, PreparedObservation),
 }
 
-/// What the reading thread does with every scan. Preparing is the same work on either thread; it is done
-/// where there is time.
+/// What the reading thread does with every scan. Preparing is the same work on either thread; it is
+/// done where there is time.
 pub fn preparing(
     config: &SlamConfig,
 ) -> impl FnMut(LogRecord, bool) -> IncomingScan + Send + use<> {

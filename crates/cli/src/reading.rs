@@ -17,7 +17,8 @@ const WAITING: usize = 16;
 /// A log that is read, decompressed and prepared on a thread of its own while its scans are being
 /// used.
 ///
-/// `T` is what the preparation makes of each scan; it is told whether the reader is behind its user.
+/// `T` is what the preparation makes of each scan; it is told whether the reader is behind its
+/// user.
 pub struct Reading<T> {
     receiver: Receiver<Vec<T>>,
     thread: JoinHandle<(ReadReport, Duration)>,
