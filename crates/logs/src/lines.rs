@@ -1,4 +1,6 @@
+use crate::{DropReason, DroppedLine, LogError};
 use std::io::{self, BufRead, Read};
+use std::path::Path;
 
 /// How a line ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +56,42 @@ impl<R: BufRead> LineReader<R> {
         }
         self.input.skip_until(b'\n')?;
         Ok(Some(LineEnd::TooLong))
+    }
+}
+
+/// What is wrong with a line: the field, from 1, and why.
+pub(crate) type LineProblem = (Option<usize>, DropReason);
+
+/// Longest line of a small text file, bytes.
+const LINE_LIMIT: usize = 4096;
+
+/// Reads a text file of one value a line; `parse` gives `None` for lines that hold none.
+///
+/// # Errors
+/// [`LogError::Line`] at the first line that cannot be parsed; [`LogError::Read`] when reading
+/// fails.
+pub(crate) fn read_lines<T>(
+    input: impl BufRead,
+    file: &Path,
+    parse: impl Fn(&[u8]) -> Result<Option<T>, LineProblem>,
+) -> Result<Vec<T>, LogError> {
+    let mut lines = LineReader::new(input, LINE_LIMIT);
+    let mut values = Vec::new();
+    loop {
+        let number = lines.number();
+        let end = lines.advance().map_err(|source| LogError::read(file, number, source))?;
+        let Some(end) = end else { return Ok(values) };
+        let parsed = match end {
+            LineEnd::TooLong => Err((None, DropReason::TooLong { limit: LINE_LIMIT })),
+            _ => parse(lines.line()),
+        };
+        match parsed {
+            Ok(value) => values.extend(value),
+            Err((field, reason)) => {
+                let line = DroppedLine { line: lines.number(), field, reason };
+                return Err(LogError::Line { file: file.to_owned(), line });
+            }
+        }
     }
 }
 

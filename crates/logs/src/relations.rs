@@ -1,12 +1,9 @@
-use crate::lines::{LineEnd, LineReader};
+use crate::lines::{LineProblem, read_lines};
 use crate::number::parse_f64;
-use crate::{DropReason, DroppedLine, LogError, LogFile};
+use crate::{DropReason, LogError, LogFile};
 use geometry::Pose2;
 use std::io::BufRead;
 use std::path::Path;
-
-/// Longest line, bytes.
-const LINE_LIMIT: usize = 4096;
 
 /// A true relative pose between two moments (Kuemmerle et al. 2009, "On measuring the accuracy of
 /// SLAM algorithms").
@@ -25,24 +22,7 @@ pub struct TrueRelation {
 /// # Errors
 /// [`LogError::Line`] at the first line that is none; [`LogError::Read`] when reading fails.
 pub fn read_relations(input: impl BufRead, file: &Path) -> Result<Vec<TrueRelation>, LogError> {
-    let mut lines = LineReader::new(input, LINE_LIMIT);
-    let mut relations = Vec::new();
-    loop {
-        let number = lines.number();
-        let end = lines.advance().map_err(|source| LogError::read(file, number, source))?;
-        let Some(end) = end else { return Ok(relations) };
-        let parsed = match end {
-            LineEnd::TooLong => Err((None, DropReason::TooLong { limit: LINE_LIMIT })),
-            _ => parse_line(lines.line()),
-        };
-        match parsed {
-            Ok(relation) => relations.extend(relation),
-            Err((field, reason)) => {
-                let line = DroppedLine { line: lines.number(), field, reason };
-                return Err(LogError::Line { file: file.to_owned(), line });
-            }
-        }
-    }
+    read_lines(input, file, parse_line)
 }
 
 /// Reads a file of relations; see [`read_relations`].
@@ -53,7 +33,7 @@ pub fn open_relations(path: &Path) -> Result<Vec<TrueRelation>, LogError> {
     read_relations(LogFile::open(path)?.input, path)
 }
 
-fn parse_line(line: &[u8]) -> Result<Option<TrueRelation>, (Option<usize>, DropReason)> {
+fn parse_line(line: &[u8]) -> Result<Option<TrueRelation>, LineProblem> {
     let content = line.split(|&b| b == b'#').next().unwrap_or_default();
     let mut values = [0.0; 8];
     let mut count = 0;

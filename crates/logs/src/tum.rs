@@ -1,12 +1,9 @@
-use crate::lines::{LineEnd, LineReader};
+use crate::lines::{LineProblem, read_lines};
 use crate::number::{parse_f64, parse_stamp};
-use crate::{DropReason, DroppedLine, LogError, LogFile};
+use crate::{DropReason, LogError, LogFile};
 use geometry::Pose2;
 use std::io::{self, BufRead, Write};
 use std::path::Path;
-
-/// Longest line of a trajectory, bytes.
-const LINE_LIMIT: usize = 4096;
 
 /// One pose of a trajectory.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,24 +39,7 @@ pub fn write_tum<'a>(
 /// # Errors
 /// [`LogError::Line`] at the first line that is neither; [`LogError::Read`] when reading fails.
 pub fn read_tum(input: impl BufRead, file: &Path) -> Result<Vec<TumPose>, LogError> {
-    let mut lines = LineReader::new(input, LINE_LIMIT);
-    let mut poses = Vec::new();
-    loop {
-        let number = lines.number();
-        let end = lines.advance().map_err(|source| LogError::read(file, number, source))?;
-        let Some(end) = end else { return Ok(poses) };
-        let parsed = match end {
-            LineEnd::TooLong => Err((None, DropReason::TooLong { limit: LINE_LIMIT })),
-            _ => parse_line(lines.line()),
-        };
-        match parsed {
-            Ok(pose) => poses.extend(pose),
-            Err((field, reason)) => {
-                let line = DroppedLine { line: lines.number(), field, reason };
-                return Err(LogError::Line { file: file.to_owned(), line });
-            }
-        }
-    }
+    read_lines(input, file, parse_line)
 }
 
 /// Reads a trajectory file; see [`read_tum`].
@@ -71,7 +51,7 @@ pub fn open_tum(path: &Path) -> Result<Vec<TumPose>, LogError> {
 }
 
 /// One line; `None` for a comment.
-fn parse_line(line: &[u8]) -> Result<Option<TumPose>, (Option<usize>, DropReason)> {
+fn parse_line(line: &[u8]) -> Result<Option<TumPose>, LineProblem> {
     let content = line.split(|&b| b == b'#').next().unwrap_or_default();
     let fields: Vec<&[u8]> = content
         .split(|b| matches!(b, b' ' | b'\t' | b'\r' | b','))

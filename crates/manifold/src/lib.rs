@@ -13,7 +13,7 @@ mod path_uncertainty;
 mod relation;
 
 pub use change::{Change, ManifoldError};
-pub use local_submap::{SubmapLimits, SubmapMember};
+pub use local_submap::{INTERVAL_95, SubmapLimits, SubmapMember};
 pub use manifold::Manifold;
 pub use patch::{Patch, PatchId};
 pub use relation::{Provenance, Relation, RelationId, through_relation};

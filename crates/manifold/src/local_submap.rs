@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Half width of a 95 % interval in standard deviations (thesis 5.3.3).
-const INTERVAL_95: f64 = 1.96;
+pub const INTERVAL_95: f64 = 1.96;
 
 /// What belongs to a local submap.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

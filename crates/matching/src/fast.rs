@@ -65,7 +65,7 @@ impl FastMatcher {
             let points = if coarse { &thinned } else { &all };
             let normal = linearise(field, points, &pose, kernel, s.normal_cos);
             let Some(step) = solve(&normal, &pose, prior) else {
-                return failed(pose, iterations, MatchStatus::TooFewPoints);
+                return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints);
             };
             pose = Pose2::new(pose.x + step.x, pose.y + step.y, pose.yaw + step.z);
             let small =
@@ -99,7 +99,7 @@ impl FastMatcher {
         let information = information_in_scan_frame(&normal, &pose);
         let inlier_ratio = f64::from(normal.inliers) / (points.len.max(1) as f64);
         if normal.pairs < 6 {
-            return failed(pose, iterations, MatchStatus::TooFewPoints);
+            return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints);
         }
         let (covariance, weak_axis) = invert(&information, self.settings.degenerate_ratio);
         let status = match weak_axis {
@@ -141,9 +141,8 @@ fn turn(pose: &Pose2) -> Matrix3<f64> {
 /// Information and gradient in field coordinates, corrected for the noise of the normals.
 ///
 /// Errors in variables: noise in the normals makes `sum w n n^T` too large across the true normals,
-/// by
-/// `sum w var(normal)`; in a corridor that would be all there is. The weak direction is taken back
-/// to what is left, in the gradient as well, so that the minimum stays where it is.
+/// by `sum w var(normal)`; in a corridor that would be all there is. The weak direction is taken
+/// back to what is left, in the gradient as well, so that the minimum stays where it is.
 fn corrected(n: &NormalEquations) -> (Matrix3<f64>, Vector3<f64>) {
     let [a, b, c, d, e, f] = n.h.map(f64::from);
     let full = Matrix3::new(a, b, c, b, d, e, c, e, f);
@@ -198,9 +197,4 @@ fn invert(information: &Matrix3<f64>, ratio: f64) -> (Matrix3<f64>, Option<Vecto
     let weakest = eigen.eigenvalues.imin();
     let weak = eigen.eigenvalues[weakest] < ratio * strongest;
     (covariance, weak.then(|| eigen.eigenvectors.column(weakest).into_owned()))
-}
-
-fn failed(pose: Pose2, iterations: u32, status: MatchStatus) -> MatchResult {
-    let covariance = Matrix3::from_diagonal(&Vector3::new(1e6, 1e6, 1e2));
-    MatchResult { pose, covariance, inlier_ratio: 0.0, iterations, status }
 }

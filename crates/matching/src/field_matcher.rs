@@ -4,7 +4,7 @@ use crate::{
     FastMatcher, FieldSettings, LinePoint, MatchResult, MatchStatus, Matcher, PointCloud, Prior,
     SurfelField, WsmSettings,
 };
-use geometry::{Matrix3, Pose2, Vector2, Vector3};
+use geometry::{Pose2, Vector2};
 
 /// The fast matcher behind the common trait: builds the surfel field anew for every match.
 ///
@@ -52,10 +52,7 @@ impl Matcher for FieldMatcher {
         let positions = reference.iter().map(|p| Vector2::new(p.x, p.y).cast::<f64>());
         let positions = within_extent(positions, Self::EXTENT);
         let Some(first) = positions.first().filter(|_| !scan.is_empty()) else {
-            let covariance = Matrix3::from_diagonal(&Vector3::new(1e6, 1e6, 1e2));
-            let status = MatchStatus::TooFewPoints;
-            let (pose, inlier_ratio, iterations) = (prior.pose, 0.0, 0);
-            return MatchResult { pose, covariance, inlier_ratio, iterations, status };
+            return MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints);
         };
         let (lo, hi) =
             positions.iter().fold((*first, *first), |(lo, hi), p| (lo.inf(p), hi.sup(p)));

@@ -55,10 +55,9 @@ struct Sums {
 }
 
 /// Fits a line around every hit. `hits` are `(x, y, range)` in beam order, in a frame near the
-/// laser;
-/// `starts_new[i]` tells that hit `i` is not on the same surface run as hit `i - 1` for reasons of
-/// its own (missing beams). `range_std_m` is the measurement noise that no residual is trusted
-/// below.
+/// laser; `starts_new[i]` tells that hit `i` is not on the same surface run as hit `i - 1` for
+/// reasons of its own (missing beams). `range_std_m` is the measurement noise that no residual is
+/// trusted below.
 ///
 /// Each hit takes the straightest of three windows: centred on it, ending at it, starting at it, so
 /// that fits do not reach around corners.

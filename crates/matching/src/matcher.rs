@@ -40,6 +40,14 @@ pub struct MatchResult {
     pub status: MatchStatus,
 }
 
+impl MatchResult {
+    /// The answer of a match that found nothing: a pose that is as good as unknown.
+    pub(crate) fn failed(pose: Pose2, iterations: u32, status: MatchStatus) -> Self {
+        let covariance = Matrix3::from_diagonal(&Vector3::new(1e6, 1e6, 1e2));
+        MatchResult { pose, covariance, inlier_ratio: 0.0, iterations, status }
+    }
+}
+
 /// What is known of the pose before matching.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prior {

@@ -2,7 +2,7 @@ use crate::{
     Candidate, LikelihoodPyramid, LikelihoodSettings, MatchResult, MatchStatus, PointCloud, Prior,
     SearchWindow, WsmMatcher, WsmSettings,
 };
-use geometry::{Matrix3, Vector2, Vector3};
+use geometry::Vector2;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -70,11 +70,11 @@ impl WideSettings {
             .step_by(stride)
             .collect();
         if points.len() < MIN_POINTS || reference.len() < MIN_POINTS {
-            return failed(prior, MatchStatus::TooFewPoints);
+            return MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints);
         }
         let pyramid = LikelihoodPyramid::build(reference, &self.likelihood);
         let matcher = WsmMatcher { settings: self.refine };
-        let mut best = failed(prior, MatchStatus::Diverged);
+        let mut best = MatchResult::failed(prior.pose, 0, MatchStatus::Diverged);
         for candidate in search(&pyramid, &points, &self.window(prior)) {
             let refined = matcher.align_from(reference, scan, &candidate.pose, prior);
             if refined.inlier_ratio > best.inlier_ratio {
@@ -87,9 +87,3 @@ impl WideSettings {
 
 /// Fewer points than this are not searched for.
 const MIN_POINTS: usize = 4;
-
-/// A result that says nothing of the pose.
-fn failed(prior: &Prior, status: MatchStatus) -> MatchResult {
-    let covariance = Matrix3::from_diagonal(&Vector3::new(1e6, 1e6, 1e2));
-    MatchResult { pose: prior.pose, covariance, inlier_ratio: 0.0, iterations: 0, status }
-}

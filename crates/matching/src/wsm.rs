@@ -10,7 +10,7 @@ mod step;
 
 use crate::{MatchResult, MatchStatus, Matcher, PointCloud, Prior};
 use error_model::{WeightedPoint, weighted_points};
-use geometry::{Matrix2, Matrix3, Pose2, Vector3};
+use geometry::{Matrix2, Pose2};
 use information::Information;
 use pairing::{Pair, Pairing, WeightedPair};
 use serde::{Deserialize, Serialize};
@@ -178,7 +178,7 @@ impl WsmMatcher {
             let pairs = self.weighted_pairs(pairing, &pose, gate);
             let next = match alternating_step(&pairs, &pose, prior) {
                 Some(next) if pairs.len() >= self.settings.min_pairs => next,
-                _ => return failed(pose, iterations, MatchStatus::TooFewPoints),
+                _ => return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints),
             };
             let step = pose.between(&next);
             last_step = step.norm().max(arm * step.yaw.abs());
@@ -191,7 +191,7 @@ impl WsmMatcher {
         let lost = pose.distance(start) > self.settings.max_shift_m;
         // Pairs may swap for ever between two equally good sets: small steps are settled enough.
         if lost || last_step > 0.1 * self.settings.gate_end_m {
-            return failed(pose, iterations, MatchStatus::Diverged);
+            return MatchResult::failed(pose, iterations, MatchStatus::Diverged);
         }
         self.conclude(&mut fine, pose, iterations)
     }
@@ -225,7 +225,7 @@ impl WsmMatcher {
         pairs.retain(accepted);
         let inlier_ratio = pairs.len() as f64 / pairing.scan_len().max(1) as f64;
         if pairs.len() < s.min_pairs {
-            return failed(pose, iterations, MatchStatus::TooFewPoints);
+            return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints);
         }
         let information = Information::of(&pairs, &pose, s);
         let (covariance, weak_axis) = information.covariance(s.degenerate_ratio);
@@ -246,10 +246,4 @@ fn thinned(points: &[WeightedPoint]) -> Vec<WeightedPoint> {
 fn root_mean_square_range(points: &[WeightedPoint]) -> f64 {
     let sum: f64 = points.iter().map(|p| p.position.norm_squared()).sum();
     (sum / points.len().max(1) as f64).sqrt()
-}
-
-/// A result that says nothing of the pose.
-fn failed(pose: Pose2, iterations: u32, status: MatchStatus) -> MatchResult {
-    let covariance = Matrix3::from_diagonal(&Vector3::new(1e6, 1e6, 1e2));
-    MatchResult { pose, covariance, inlier_ratio: 0.0, iterations, status }
 }

@@ -3,7 +3,7 @@ use crate::active_submap::ActiveSubmap;
 use crate::map::Map;
 use crate::plausibility::Plausibility;
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::{PatchId, Provenance};
+use manifold::{INTERVAL_95, PatchId, Provenance};
 use matching::{FastMatcher, FastSettings, LinePoint, MatchResult, Prior};
 use sensing::{Observation, Stamp};
 use std::sync::Arc;
@@ -58,7 +58,8 @@ impl FrontEnd {
         }
     }
 
-    /// Localises a scan in the local submap and extends the manifold if the fit says so.
+    /// Localises a scan in the local submap and extends the manifold if the fit says so. Odometry
+    /// that is not to be used is taken out of the observation before.
     pub fn process(
         &mut self,
         observation: Observation,
@@ -140,7 +141,7 @@ impl FrontEnd {
         scan: &[LinePoint],
         map: &mut Map,
     ) -> Localisation {
-        self.last_odometry = self.usable(observation.odom_from_base);
+        self.last_odometry = observation.odom_from_base;
         let patch = add_patch(observation, scan, Pose2::IDENTITY, map);
         self.last_patch = Some(patch);
         self.since_patch = Some((Pose2::IDENTITY, 0.0, 0.0));
@@ -154,10 +155,6 @@ impl FrontEnd {
         }
     }
 
-    fn usable(&self, odometry: Option<Pose2>) -> Option<Pose2> {
-        odometry.filter(|_| self.config.odometry.enabled)
-    }
-
     /// How much longer than usual nothing was seen, seconds. Odometry in such gaps is not to be
     /// trusted: it may have been held up as well. Stamps that jump back say nothing.
     fn blind_secs(&mut self, stamp: Stamp) -> f64 {
@@ -168,7 +165,6 @@ impl FrontEnd {
 
     /// The motion since the last scan: by odometry where there is some, else as before.
     fn measure_motion(&mut self, odometry: Option<Pose2>) -> GaussianPose2 {
-        let odometry = self.usable(odometry);
         let motion = match (self.last_odometry, odometry) {
             (Some(last), Some(now)) => Some(last.between(&now)),
             _ => None,
@@ -269,7 +265,7 @@ impl FrontEnd {
     /// 4 to 7), or the robot has left the neighbourhood of its patches.
     fn must_extend(&self, result: &MatchResult) -> bool {
         let e = &self.config.extension;
-        let interval = |i: usize| 1.96 * result.covariance[(i, i)].max(0.0).sqrt();
+        let interval = |i: usize| INTERVAL_95 * result.covariance[(i, i)].max(0.0).sqrt();
         let (_, nearest) = self.submap.nearest(&self.anchor_from_base, e.distance_m / e.turn_rad);
         let delta = nearest.between(&self.anchor_from_base);
         interval(0) > e.translation_m
@@ -314,8 +310,6 @@ impl FrontEnd {
     }
 }
 
-/// A match farther from odometry than this is doubted.
-const CONTRADICTION_SIGMAS: f64 = 3.0;
 /// The turns of a ring, radians: to the right and to the left.
 fn ring(ring: u32) -> impl Iterator<Item = f64> {
     let turn = f64::from(ring) * 0.5 * RING_RAD;
@@ -338,6 +332,9 @@ const MAX_GAP_SECS: f64 = 60.0;
 const BLIND_STD_PER_SEC: [f64; 3] = [0.1, 0.1, 0.3];
 /// A match this good settles where the robot is, whatever odometry says: metres, metres, radians.
 const DECISIVE_STD: [f64; 3] = [0.05, 0.05, 0.02];
+/// A match this many standard deviations of the motion model from odometry is tried again more
+/// strictly.
+const CONTRADICTION_SIGMAS: f64 = 3.0;
 /// Odometry and match contradict each other beyond this many standard deviations of the motion
 /// model.
 const DISAGREEMENT_SIGMAS: f64 = 4.0;

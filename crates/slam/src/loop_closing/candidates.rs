@@ -2,7 +2,7 @@ use super::ClosingSettings;
 use super::signature::{Signature, signature_of};
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2};
-use manifold::{PatchId, SubmapLimits};
+use manifold::{INTERVAL_95, PatchId, SubmapLimits};
 use std::collections::BTreeMap;
 
 /// A place that may be the one the robot is at.
@@ -86,8 +86,8 @@ impl Candidates {
     fn may_overlap(&self, here: &Pose2, belief: &GaussianPose2) -> Option<bool> {
         let s = &self.settings;
         let sigma = (belief.covariance[(0, 0)] + belief.covariance[(1, 1)]).sqrt();
-        let precise = 1.96 * sigma < self.limits.translation_m
-            && 1.96 * belief.covariance[(2, 2)].sqrt() < self.limits.rotation_rad;
+        let precise = INTERVAL_95 * sigma < self.limits.translation_m
+            && INTERVAL_95 * belief.covariance[(2, 2)].sqrt() < self.limits.rotation_rad;
         let distance = here.norm() - s.reach_m;
         let apart = distance > s.sigmas * sigma;
         (!precise && !apart).then_some(distance > s.window_m)

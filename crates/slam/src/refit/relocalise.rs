@@ -103,8 +103,7 @@ fn match_group(
         .filter(|(_, pose)| pose.norm() <= reach)
         .collect();
     lay_field(scratch, map, &around, f64::from(config.refit.reach_m));
-    let std = Vector3::from(BEFORE_STD);
-    let information = Matrix3::from_diagonal(&std.map(|s| s.powi(-2)));
+    let information = information_before();
     let place = |&scan: &usize| {
         let pose = origin.between(&scans[scan].pose.in_map(&map.manifold));
         let result =
@@ -118,10 +117,14 @@ fn match_group(
     members.iter().filter_map(place).collect()
 }
 
+/// Information of [`BEFORE_STD`].
+fn information_before() -> Matrix3<f64> {
+    Matrix3::from_diagonal(&Vector3::from(BEFORE_STD).map(|std| std.powi(-2)))
+}
+
 /// What is known of the trajectory before matching: the scans' poses and the odometry.
 fn before(map: &Map, scans: &[ScanRecord], config: &SlamConfig) -> Vec<Knowledge> {
-    let std = Vector3::from(BEFORE_STD);
-    let information = Matrix3::from_diagonal(&std.map(|s| s.powi(-2)));
+    let information = information_before();
     let mut last = None;
     scans
         .iter()
