@@ -6,22 +6,22 @@ use std::path::{Path, PathBuf};
 #[non_exhaustive]
 pub enum LogError {
     /// The file cannot be opened.
-    #[error("{}: cannot open: {source}", file.display())]
+    #[error("{}: cannot open: {cause}", file.display())]
     Open {
         /// The file.
         file: PathBuf,
         /// What the operating system says.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// Reading or decompressing stopped in the middle.
-    #[error("{}:{line}: reading stopped here: {source}", file.display())]
+    #[error("{}:{line}: reading stopped here: {cause}", file.display())]
     Read {
         /// The file.
         file: PathBuf,
         /// Number of the last line that was read, from 1; 0 when there was none.
         line: u64,
         /// What the operating system or the decompressor says.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// A line that a strict reader cannot take.
     #[error("{}:{}: {}", file.display(), line.line, line.problem())]
@@ -34,8 +34,8 @@ pub enum LogError {
 }
 
 impl LogError {
-    pub(crate) fn read(file: &Path, line: u64, source: std::io::Error) -> Self {
-        LogError::Read { file: file.to_owned(), line, source }
+    pub(crate) fn read(file: &Path, line: u64, cause: std::io::Error) -> Self {
+        LogError::Read { file: file.to_owned(), line, cause }
     }
 }
 

@@ -29,7 +29,7 @@ impl LogFile {
     /// # Errors
     /// [`LogError::Open`] when the file cannot be opened or its first bytes cannot be read.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let open_error = |source| LogError::Open { file: path.to_owned(), source };
+        let open_error = |cause| LogError::Open { file: path.to_owned(), cause };
         let file = File::open(path).map_err(open_error)?;
         let metadata = file.metadata().map_err(open_error)?;
         if metadata.is_dir() {
