@@ -247,6 +247,7 @@ impl<R: BufRead> CarmenReader<R> {
             odom_from_base: with_odometry.then_some(line.odom_from_base),
             base_from_laser,
             scan,
+            sweep: None,
         };
         let twist = line.twist.filter(|_| self.options.use_odometry);
         Some(LogRecord { line: number, stamp_text: line.stamp_text, observation, twist })

@@ -1,4 +1,4 @@
-use crate::Scan;
+use crate::{Scan, Stamp};
 use geometry::{LieGroup, Pose2, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +17,61 @@ impl Twist {
         Pose2::exp(&Vector3::new(self.forward_m_per_sec * secs, 0.0, self.yaw_rad_per_sec * secs))
     }
 }
+
+/// Whether and how scans are corrected for the robot's motion during a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DeskewSettings {
+    /// Time from the first beam to the last, seconds; 0, which logs that do not tell it call for,
+    /// takes scans as taken at once. A scanner at 10 Hz takes up to 0.1, a SICK LMS 0.0067.
+    pub sweep_secs: f64,
+    /// Which moment of the sweep the log's stamp and pose belong to: 0 the first beam, 1 the last.
+    pub reference: f64,
+}
+
+impl Default for DeskewSettings {
+    fn default() -> Self {
+        DeskewSettings { sweep_secs: 0.0, reference: 0.5 }
+    }
+}
+
+impl DeskewSettings {
+    /// The sweep of a scan taken at a velocity; `None` when scans are taken as they are.
+    pub fn sweep(&self, twist: Option<Twist>) -> Option<Sweep> {
+        let duration_secs = Some(self.sweep_secs).filter(|secs| *secs > 0.0)?;
+        Some(Sweep { twist: twist?, duration_secs, reference: self.reference })
+    }
+}
+
+/// Velocities from the odometry of successive scans, for logs that do not tell them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Velocimeter {
+    last: Option<(Stamp, Pose2)>,
+}
+
+impl Velocimeter {
+    /// Velocity up to this scan. `None` for the first scan, without odometry, and where stamps or
+    /// odometry jump.
+    pub fn observe(&mut self, stamp: Stamp, odom_from_base: Option<Pose2>) -> Option<Twist> {
+        let now = odom_from_base.map(|pose| (stamp, pose));
+        let (before, after) = std::mem::replace(&mut self.last, now).zip(now)?;
+        let secs = after.0.secs_since(before.0);
+        if !(SHORTEST_SECS..LONGEST_SECS).contains(&secs) {
+            return None;
+        }
+        let motion = before.1.between(&after.1).log() / secs;
+        let twist = Twist { forward_m_per_sec: motion.x, yaw_rad_per_sec: motion.z };
+        (motion.x.abs() < FASTEST_M_PER_SEC && motion.z.abs() < FASTEST_RAD_PER_SEC)
+            .then_some(twist)
+    }
+}
+
+/// Times between scans that velocities are told from, seconds.
+const SHORTEST_SECS: f64 = 0.005;
+const LONGEST_SECS: f64 = 1.0;
+/// Faster than this odometry has jumped.
+const FASTEST_M_PER_SEC: f64 = 10.0;
+const FASTEST_RAD_PER_SEC: f64 = 10.0;
 
 /// A sweep taken while the robot moved: beams are measured one after the other, from the first to
 /// the last in `duration_secs`, at constant velocity.

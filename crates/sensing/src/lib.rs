@@ -18,7 +18,7 @@ mod observation;
 mod scan;
 mod stamp;
 
-pub use deskew::{DeskewedHit, Sweep, Twist};
+pub use deskew::{DeskewSettings, DeskewedHit, Sweep, Twist, Velocimeter};
 pub use limits::{LaserLimits, NoReturnDetector};
 pub use observation::{Observation, RobotId};
 pub use scan::{BeamClass, LaserModel, Scan};

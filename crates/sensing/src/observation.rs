@@ -1,4 +1,4 @@
-use crate::{Scan, Stamp};
+use crate::{Scan, Stamp, Sweep};
 use geometry::Pose2;
 use serde::{Deserialize, Serialize};
 
@@ -22,4 +22,6 @@ pub struct Observation {
     pub base_from_laser: Pose2,
     /// The scan.
     pub scan: Scan,
+    /// How the robot moved while the scan was taken; `None` takes it as taken at once.
+    pub sweep: Option<Sweep>,
 }

@@ -50,6 +50,7 @@ impl Run {
                     odom_from_base: Some(odom_from_base),
                     base_from_laser: robot.scanner.base_from_laser,
                     scan: robot.scanner.scan(&world, &truth[i], &mut laser_rng),
+                    sweep: None,
                 }
             })
             .collect();

@@ -1,5 +1,5 @@
 use geometry::{Pose2, Vector2};
-use manifoldslam_sensing::{LaserModel, Scan, Sweep, Twist};
+use manifoldslam_sensing::{DeskewSettings, LaserModel, Scan, Stamp, Sweep, Twist, Velocimeter};
 
 /// Distance from `origin` along `direction` to the walls of a 12 x 8 m room around the world's
 /// origin.
@@ -62,4 +62,34 @@ fn a_robot_at_rest_changes_nothing() {
         let expected = base_from_laser.transform(Vector2::new(cos, sin) * f64::from(scan.range(i)));
         assert!((hit.endpoint - expected).norm() < 1e-12);
     }
+}
+
+#[test]
+fn velocities_are_those_of_the_odometry() {
+    let twist = Twist { forward_m_per_sec: 0.8, yaw_rad_per_sec: -0.6 };
+    let mut meter = Velocimeter::default();
+    let mut pose = Pose2::new(3.0, -2.0, 1.0);
+    assert_eq!(meter.observe(Stamp::from_secs(10.0), Some(pose)), None, "the first scan");
+    for i in 1..20 {
+        pose = pose * twist.motion(0.2);
+        let stamp = Stamp::from_secs(10.0 + 0.2 * f64::from(i));
+        let told = meter.observe(stamp, Some(pose)).expect("odometry goes on");
+        assert!((told.forward_m_per_sec - twist.forward_m_per_sec).abs() < 1e-9);
+        assert!((told.yaw_rad_per_sec - twist.yaw_rad_per_sec).abs() < 1e-9);
+    }
+    let at = |secs: f64| Stamp::from_secs(secs);
+    assert_eq!(meter.observe(at(13.5), Some(pose * Pose2::new(30.0, 0.0, 0.0))), None, "a jump");
+    assert_eq!(meter.observe(at(12.0), Some(pose)), None, "a stamp that jumps back");
+    assert_eq!(meter.observe(at(12.2), None), None, "no odometry");
+    assert_eq!(meter.observe(at(12.4), Some(pose)), None, "odometry that has just come back");
+    assert_eq!(meter.observe(at(90.0), Some(pose)), None, "a gap");
+}
+
+#[test]
+fn scans_are_taken_as_they_are_unless_the_sweep_is_known() {
+    let twist = Some(Twist::default());
+    assert_eq!(DeskewSettings::default().sweep(twist), None);
+    let settings = DeskewSettings { sweep_secs: 0.1, ..DeskewSettings::default() };
+    assert_eq!(settings.sweep(None), None);
+    assert_eq!(settings.sweep(twist).map(|s| s.duration_secs), Some(0.1));
 }
