@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 const LAYERS: usize = 4;
 /// "No surfel in reach": farther than any, and no surfel's index.
 const EMPTY: u32 = u32::MAX;
+/// Squared distance in cells from a cell to those next to it, diagonally too.
+const ADJACENT: u32 = 2;
 /// Most surfels a field can hold.
 const MOST_SURFELS: usize = u16::MAX as usize;
 /// A surfel also enters the neighbouring layer when its normal has at least this component along
@@ -144,10 +146,9 @@ impl SurfelField {
         let normal_variance = p.normal_variance.max(1e-5);
         let Some((column, row)) = self.cell_of(x, y) else { return };
         let (layer, neighbour_layer) = layers_of(nx, ny);
-        let cell = self.index(layer, column, row);
         let weight = 1.0 / variance;
-        let (id, is_new) = if is_home(self.cells[cell]) {
-            (index_in(self.cells[cell]), false)
+        let (id, is_new) = if let Some(id) = self.surfel_through(p, layer, column, row) {
+            (id, false)
         } else if self.surfels.len() < MOST_SURFELS {
             self.surfels.push(Surfel::default());
             self.moments.push(Moments::default());
@@ -170,6 +171,46 @@ impl SurfelField {
                 self.spread(id, neighbour, column, row, 1);
             }
         }
+    }
+
+    /// The surfel that a point belongs to: the one in its own cell, else the one next to it in an
+    /// adjacent cell whose line it continues. Without the latter a wall along a border of cells
+    /// would fall into two rows of surfels, each of them of the noise's near or far half only, and
+    /// points would be drawn to their own half.
+    fn surfel_through(
+        &self,
+        p: &LinePoint,
+        layer: usize,
+        column: usize,
+        row: usize,
+    ) -> Option<usize> {
+        let own = self.cells[self.index(layer, column, row)];
+        if is_home(own) {
+            return Some(index_in(own));
+        }
+        let mut best: Option<(f32, usize)> = None;
+        for v in row.saturating_sub(1)..(row + 2).min(self.height) {
+            let first = self.index(layer, column.saturating_sub(1), v);
+            let last = self.index(layer, (column + 1).min(self.width - 1), v);
+            for &cell in self.cells[first..=last].iter().filter(|cell| is_home(**cell)) {
+                let id = index_in(cell);
+                let [across, along] = self.offset_from(id, p.x, p.y).map(f32::abs);
+                if across < 0.5 * self.settings.cell_m
+                    && along < self.settings.cell_m
+                    && best.is_none_or(|b| along < b.0)
+                {
+                    best = Some((along, id));
+                }
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// How far a point lies from a surfel, across its line and along it, metres.
+    fn offset_from(&self, id: usize, x: f32, y: f32) -> [f32; 2] {
+        let (s, m) = (&self.surfels[id], &self.moments[id]);
+        let (dx, dy) = (x - m.x / m.weight, y - m.y / m.weight);
+        [s.nx * dx + s.ny * dy, s.nx * dy - s.ny * dx]
     }
 
     /// Makes surfel `id` the nearest one in every cell it is nearer to than the present one; it
@@ -201,17 +242,17 @@ impl SurfelField {
         let steps = (length / self.settings.cell_m).min(longest) as usize;
         let (ux, uy) = (dx / length.max(1e-6), dy / length.max(1e-6));
         let layer = layer_of(-ux, -uy);
+        let cell_m = self.settings.cell_m;
         (1..steps).any(|k| {
             let d = k as f32 * self.settings.cell_m;
-            let Some((column, row)) = self.cell_of(from.0 + ux * d, from.1 + uy * d) else {
-                return false;
-            };
-            let cell = self.index(layer, column, row);
-            is_home(self.cells[cell])
-                && self
-                    .surfels
-                    .get(index_in(self.cells[cell]))
-                    .is_some_and(|s| s.nx * ux + s.ny * uy < -0.5)
+            let (x, y) = (from.0 + ux * d, from.1 + uy * d);
+            let Some((column, row)) = self.cell_of(x, y) else { return false };
+            let cell = self.cells[self.index(layer, column, row)];
+            cell >> 16 <= ADJACENT
+                && self.surfels.get(index_in(cell)).is_some_and(|s| {
+                    s.nx * ux + s.ny * uy < -0.5
+                        && self.offset_from(index_in(cell), x, y).iter().all(|d| d.abs() <= cell_m)
+                })
         })
     }
 

@@ -87,8 +87,9 @@ fn the_gradient_is_the_derivative_of_the_robust_cost() {
     field.insert(&wall, &Pose2::IDENTITY);
     let scan: Vec<LinePoint> = wall.iter().skip(100).step_by(37).copied().collect();
     let kernel = 0.08;
-    // Every surfel averages ten points; its variance is theirs by ten, and the roughness.
-    let variance = 1e-4 + 1e-5 + f64::from(field.settings().roughness_m).powi(2);
+    // A surfel's variance is that of its points by their number, and the roughness.
+    let share = wall.len() as f64 / field.surfel_count() as f64;
+    let variance = 1e-4 + 1e-4 / share + f64::from(field.settings().roughness_m).powi(2);
     let cost = |pose: &Pose2| -> f64 {
         let residuals =
             scan.iter().map(|p| pose.transform([p.x.into(), p.y.into()].into()).y - 2.0);
@@ -156,6 +157,34 @@ fn moving_field_and_scan_moves_the_answer() {
             let moved = plain.between(&answer(motion, Pose2::IDENTITY));
             assert!(moved.norm() < 4e-3 && moved.yaw.abs() < 1e-3, "{seed}: {moved:?}");
         }
+    }
+}
+
+/// The noise of a wall along a border of cells puts its points into two rows of cells; its surfels
+/// are still one row, each of them all of the noise and not its near or its far half.
+#[test]
+fn a_wall_along_a_border_of_cells_is_one_row_of_surfels() {
+    let mut rng = StdRng::seed_from_u64(8);
+    let std = 0.015;
+    for y in [2.0f32, 2.03, 2.05] {
+        let mut wall = |y: f32| -> Vec<LinePoint> {
+            let point = |i| LinePoint {
+                x: -2.0 + 0.001 * i as f32,
+                y: y + std * synthetic::standard_normal(&mut rng) as f32,
+                ny: -1.0,
+                variance: std * std,
+                normal_variance: 1e-3,
+                ..LinePoint::default()
+            };
+            (0..4000).map(point).collect()
+        };
+        let mut field = empty();
+        field.insert(&wall(y), &Pose2::IDENTITY);
+        let most = 4.0 / field.settings().cell_m + 2.0;
+        assert!(field.surfel_count() as f32 <= most, "{y}: {} surfels", field.surfel_count());
+        let shifted = wall(y + 0.008);
+        let found = FastMatcher::default().align(&field, &shifted, &Prior::guess(Pose2::IDENTITY));
+        assert!((found.pose.y + 0.008).abs() < 0.002, "{y}: {:?}", found.pose);
     }
 }
 
