@@ -1,4 +1,4 @@
-use crate::normal_equations::{NormalEquations, PointBlocks, linearise};
+use crate::normal_equations::{NormalEquations, PairWeights, PointBlocks, linearise};
 use crate::{LinePoint, MatchResult, MatchStatus, Prior, SurfelField};
 use geometry::{Matrix3, Pose2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -11,6 +11,9 @@ pub struct FastSettings {
     pub kernel_start_m: f32,
     /// Scale of the robust kernel in the last iterations, metres.
     pub kernel_end_m: f32,
+    /// How far from its surfel a point still counts as explained, metres: the scale of the same
+    /// kernel for the inlier ratio.
+    pub inlier_m: f32,
     /// Factor from one iteration's kernel scale to the next.
     pub kernel_decay: f32,
     /// Upper bound on iterations.
@@ -29,12 +32,19 @@ impl Default for FastSettings {
         FastSettings {
             kernel_start_m: 0.3,
             kernel_end_m: 0.05,
+            inlier_m: 0.07,
             kernel_decay: 0.6,
             max_iterations: 20,
             step_m: 2e-4,
             normal_cos: 0.7,
             degenerate_ratio: 1e-3,
         }
+    }
+}
+
+impl FastSettings {
+    fn pair_weights(&self, kernel_m: f32) -> PairWeights {
+        PairWeights { kernel_m, inlier_m: self.inlier_m, normal_cos: self.normal_cos }
     }
 }
 
@@ -63,7 +73,7 @@ impl FastMatcher {
             iterations += 1;
             let coarse = kernel > 2.0 * s.kernel_end_m && scan.len() >= COARSE_FROM;
             let points = if coarse { &thinned } else { &all };
-            let normal = linearise(field, points, &pose, kernel, s.normal_cos);
+            let normal = linearise(field, points, &pose, &s.pair_weights(kernel));
             let Some(step) = solve(&normal, &pose, prior) else {
                 return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints);
             };
@@ -95,7 +105,7 @@ impl FastMatcher {
         iterations: u32,
     ) -> MatchResult {
         let s = &self.settings;
-        let normal = linearise(field, points, &pose, s.kernel_end_m, s.normal_cos);
+        let normal = linearise(field, points, &pose, &s.pair_weights(s.kernel_end_m));
         let information = information_in_scan_frame(&normal, &pose);
         let inlier_ratio = f64::from(normal.inliers) / (points.len.max(1) as f64);
         if normal.pairs < 6 {
@@ -119,7 +129,7 @@ impl FastMatcher {
         kernel_m: f32,
     ) -> (Matrix3<f64>, Vector3<f64>, f64) {
         let points = PointBlocks::new(scan.iter());
-        let normal = linearise(field, &points, pose, kernel_m, self.settings.normal_cos);
+        let normal = linearise(field, &points, pose, &self.settings.pair_weights(kernel_m));
         let turn = turn(pose);
         let g = corrected(&normal).1;
         let inliers = f64::from(normal.inliers) / (scan.len().max(1) as f64);

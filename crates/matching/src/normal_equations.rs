@@ -61,7 +61,7 @@ pub(crate) struct NormalEquations {
     pub h: [f32; 6],
     /// Gradient of half the weighted squared residuals.
     pub g: [f32; 3],
-    /// Sum of the robust kernel's weights in `[0, 1]`.
+    /// Sum over points of how well each is explained, in `[0, 1]`.
     pub inliers: f32,
     /// Information that the noise of the normals pretends, 1/m^2.
     pub pretended: f32,
@@ -79,15 +79,24 @@ struct LaneSums {
     pairs: Lanes,
 }
 
+/// What a pair of point and surfel counts for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PairWeights {
+    /// Scale of the Geman-McClure kernel that weighs residuals down, metres.
+    pub kernel_m: f32,
+    /// Scale of the same kernel that judges whether a point is explained, metres.
+    pub inlier_m: f32,
+    /// Pairs whose normals differ by more than `acos(normal_cos)` are left out.
+    pub normal_cos: f32,
+}
+
 /// Linearises the weighted point-to-line cost at `pose`: each point against the surfel nearest to
-/// it, weighted by both variances and a Geman-McClure kernel of scale `kernel_m`. Pairs whose
-/// normals differ by more than `acos(normal_cos)` are left out.
+/// it, weighted by both variances and a robust kernel.
 pub(crate) fn linearise(
     field: &SurfelField,
     points: &PointBlocks,
     pose: &Pose2,
-    kernel_m: f32,
-    normal_cos: f32,
+    weights: &PairWeights,
 ) -> NormalEquations {
     let (sin, cos) = pose.yaw.sin_cos();
     let (sin, cos) = (sin as f32, cos as f32);
@@ -97,7 +106,7 @@ pub(crate) fn linearise(
         let turned = block.turned(sin, cos);
         let mut surfels = [Surfel::ABSENT; LANES];
         field.nearest_of(&turned, tx, ty, &mut surfels);
-        sums.add(&turned, &surfels, (tx, ty), kernel_m * kernel_m, normal_cos);
+        sums.add(&turned, &surfels, (tx, ty), weights);
     }
     sums.total()
 }
@@ -138,12 +147,13 @@ impl LaneSums {
         p: &Turned,
         surfels: &[Surfel; LANES],
         (tx, ty): (f32, f32),
-        kernel2: f32,
-        normal_cos: f32,
+        weights: &PairWeights,
     ) {
+        let kernel2 = weights.kernel_m * weights.kernel_m;
+        let inlier2 = weights.inlier_m * weights.inlier_m;
         for (k, s) in surfels.iter().enumerate() {
             let r = s.nx * (p.x[k] + tx) + s.ny * (p.y[k] + ty) - s.offset;
-            let alike = p.nx[k] * s.nx + p.ny[k] * s.ny >= normal_cos;
+            let alike = p.nx[k] * s.nx + p.ny[k] * s.ny >= weights.normal_cos;
             let used = if alike { 1.0 } else { 0.0 };
             let ratio = kernel2 / (kernel2 + r * r);
             let robust = used * ratio * ratio;
@@ -159,7 +169,8 @@ impl LaneSums {
             self.g[0][k] += wx * r;
             self.g[1][k] += wy * r;
             self.g[2][k] += ww * r;
-            self.inliers[k] += robust;
+            let explained = inlier2 / (inlier2 + r * r);
+            self.inliers[k] += used * explained * explained;
             self.pretended[k] += w * s.normal_variance;
             self.pairs[k] += used;
         }
