@@ -1,6 +1,6 @@
 use crate::line_fit::{LineFit, LineFitSettings, fit_lines};
-use geometry::Pose2;
-use sensing::{LaserModel, Scan};
+use geometry::{Pose2, Vector2};
+use sensing::{LaserModel, Scan, Sweep};
 use serde::{Deserialize, Serialize};
 
 /// One point of a scan as the field and the fast matcher use it: scan frame, `f32`.
@@ -66,6 +66,10 @@ pub struct LineExtractor {
     starts_new: Vec<bool>,
 }
 
+/// Where beams meet a wall farther apart than this, its end is too vague to be of use, metres.
+const LARGEST_END_M: f64 = 0.25;
+/// Variance of a wall's end beside that of where beams meet it, m^2: mixed pixels, rounded edges.
+const END_VARIANCE: f64 = 4e-4;
 /// A gap of more missing beams than this separates surfaces.
 const BRIDGED_BEAMS: u32 = 1;
 
@@ -77,16 +81,81 @@ impl LineExtractor {
 
     /// The hits of a scan that lie on smooth surfaces, in the robot's base frame.
     pub fn extract(&mut self, scan: &Scan, base_from_laser: &Pose2) -> Vec<LinePoint> {
+        self.extract_swept(scan, base_from_laser, None)
+    }
+
+    /// [`LineExtractor::extract`] of a scan taken while the robot moved: as it would look from
+    /// where the robot was at the sweep's reference time.
+    pub fn extract_swept(
+        &mut self,
+        scan: &Scan,
+        base_from_laser: &Pose2,
+        sweep: Option<&Sweep>,
+    ) -> Vec<LinePoint> {
         self.collect_hits(scan);
+        if let Some(sweep) = sweep {
+            self.move_hits(scan, base_from_laser, sweep);
+        }
         let range_std_m = self.noise.range_std_m.into();
         let fits = fit_lines(&self.hits, &self.starts_new, range_std_m, &self.settings);
         let to_base = LinePoint::mover(base_from_laser);
-        let points = self.hits.iter().zip(&self.beams).zip(&fits);
-        points
-            .filter_map(|((hit, &beam), fit)| {
-                Some(to_base(&self.point(hit, self.rays[beam as usize], &(*fit)?)))
-            })
-            .collect()
+        let hits = self.hits.iter().zip(&self.beams).zip(&fits);
+        let surfaces = hits.filter_map(|((hit, &beam), fit)| {
+            Some(self.point(hit, self.rays[beam as usize], &(*fit)?))
+        });
+        let ends = (1..self.hits.len()).filter_map(|i| self.wall_end(i, &fits, scan));
+        surfaces.chain(ends).map(|p| to_base(&p)).collect()
+    }
+
+    /// Where a wall ends between hits `i - 1` and `i`: there the beam looks past it, at something
+    /// farther or at nothing. Its "surface" faces along the wall, which in a corridor is what tells
+    /// how far the robot has gone. `None` where there is no such end.
+    ///
+    /// The wall ends somewhere between the last beam on it and the next one.
+    fn wall_end(&self, i: usize, fits: &[Option<LineFit>], scan: &Scan) -> Option<LinePoint> {
+        let (before, after) = (&self.hits[i - 1], &self.hits[i]);
+        if self.beams[i] - self.beams[i - 1] != 1 {
+            return None;
+        }
+        let near = before.2.min(after.2);
+        let (dx, dy) = (after.0 - before.0, after.1 - before.1);
+        let jump = self.settings.jump_m + self.settings.jump_ratio * near;
+        if dx * dx + dy * dy <= jump * jump {
+            return None;
+        }
+        let (end, side) = if before.2 < after.2 { (i - 1, 1.0) } else { (i, -1.0) };
+        let (hit, fit) = (&self.hits[end], fits[end]?);
+        let step = scan.laser().angle_increment_rad;
+        let ray = self.rays[self.beams[end] as usize];
+        let (nx, ny) = fit.normal;
+        let facing = (nx * ray.0 + ny * ray.1).abs();
+        let spacing = hit.2 * step.abs() / facing.max(1e-3);
+        if spacing > LARGEST_END_M {
+            return None;
+        }
+        // Along the wall, towards growing bearings or the other way.
+        let outwards = side * step.signum() * (nx * ray.0 + ny * ray.1).signum();
+        let (tx, ty) = (-ny * outwards, nx * outwards);
+        Some(LinePoint {
+            x: (hit.0 + 0.5 * spacing * tx) as f32,
+            y: (hit.1 + 0.5 * spacing * ty) as f32,
+            nx: tx as f32,
+            ny: ty as f32,
+            variance: (spacing * spacing / 12.0 + END_VARIANCE) as f32,
+            normal_variance: fit.normal_variance as f32,
+        })
+    }
+
+    /// Moves every hit to where the laser would have seen it at the reference time. The direction of
+    /// its beam is left as it is: turned by less than a degree, which is nothing to its noise.
+    fn move_hits(&mut self, scan: &Scan, base_from_laser: &Pose2, sweep: &Sweep) {
+        let laser_from_base = base_from_laser.inverse();
+        for (hit, &beam) in self.hits.iter_mut().zip(&self.beams) {
+            let moved = sweep.reference_from_beam(beam as usize, scan.len());
+            let laser_from_beam = laser_from_base * moved * *base_from_laser;
+            let position = laser_from_beam.transform(Vector2::new(hit.0, hit.1));
+            (hit.0, hit.1) = (position.x, position.y);
+        }
     }
 
     fn collect_hits(&mut self, scan: &Scan) {

@@ -3,7 +3,7 @@
 use geometry::{Pose2, Vector2};
 use manifoldslam_matching::{BeamNoise, LineExtractor, LineFitSettings, LinePoint};
 use rand::{SeedableRng, rngs::StdRng};
-use sensing::Scan;
+use sensing::{LaserModel, Scan, Sweep, Twist};
 use synthetic::{FloorPlan, LaserNoise, RayCaster, Scanner, noisy_room};
 
 pub fn extractor() -> LineExtractor {
@@ -83,4 +83,58 @@ fn an_extractor_remembers_nothing_of_other_scans() {
         let fresh = extractor().extract(&scan, &Pose2::IDENTITY);
         assert_eq!(kept.extract(&scan, &Pose2::IDENTITY), fresh, "{beams} beams");
     }
+}
+
+/// A wall with a doorway, seen from inside a room: both jambs are found, facing each other, to half
+/// a beam's spacing.
+#[test]
+fn the_ends_of_walls_face_along_them() {
+    let mut plan = FloorPlan::new();
+    plan.rectangle((-3.0, -4.0), (9.0, 4.0))
+        .wall((2.0, -4.0), (2.0, -0.5))
+        .wall((2.0, 0.4), (2.0, 4.0));
+    let world = RayCaster::new(plan);
+    for pose in [Pose2::IDENTITY, Pose2::new(-1.0, 0.5, 0.3), Pose2::new(0.5, -0.2, -0.4)] {
+        let (_, scan) = exact_scan(&world, &pose);
+        let points = extractor().extract(&scan, &Pose2::IDENTITY);
+        for (end, facing) in [((2.0, -0.5), 1.0), ((2.0, 0.4), -1.0)] {
+            let found = points.iter().map(LinePoint::mover(&pose)).find(|p| {
+                (p.x - end.0).abs() < 0.02 && (p.y - end.1).abs() < 0.04 && p.ny * facing > 0.99
+            });
+            assert!(found.is_some(), "{end:?} from {pose:?}");
+        }
+    }
+}
+
+/// A slow scanner on a turning robot: with the sweep known, walls are where they are; taken at once,
+/// they are bent by centimetres.
+#[test]
+fn a_sweep_is_undone() {
+    let mut plan = FloorPlan::new();
+    plan.rectangle((-3.0, -2.0), (5.0, 4.0));
+    let world = RayCaster::new(plan);
+    let (pose, base_from_laser) = (Pose2::new(0.5, 0.3, 0.6), Pose2::new(0.2, 0.05, 0.1));
+    let twist = Twist { forward_m_per_sec: 1.0, yaw_rad_per_sec: 1.0 };
+    let sweep = Sweep { twist, duration_secs: 0.1, reference: 0.5 };
+    let laser = LaserModel::half_circle(361);
+    let readings: Vec<f32> = (0..361)
+        .map(|i| {
+            let from = pose * sweep.reference_from_beam(i, 361) * base_from_laser;
+            let (sin, cos) = laser.bearing(i).sin_cos();
+            let ray = from.rotate(Vector2::new(cos, sin));
+            world.cast(from.translation(), ray, 40.0).expect("a room is closed").range as f32
+        })
+        .collect();
+    let scan = Scan::classify(laser, &readings);
+    let worst = |sweep: Option<&Sweep>| {
+        let points = extractor().extract_swept(&scan, &base_from_laser, sweep);
+        assert!(points.len() > 340, "{} of 361", points.len());
+        let off = points.iter().map(LinePoint::mover(&pose)).map(|p| {
+            let walls = [p.x + 3.0, p.x - 5.0, p.y + 2.0, p.y - 4.0];
+            walls.into_iter().map(f32::abs).fold(f32::INFINITY, f32::min)
+        });
+        off.fold(0.0, f32::max)
+    };
+    assert!(worst(Some(&sweep)) < 1e-4, "{}", worst(Some(&sweep)));
+    assert!(worst(None) > 0.05, "{}", worst(None));
 }
