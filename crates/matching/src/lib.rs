@@ -52,7 +52,7 @@ pub use line_fit::{LineFit, LineFitSettings, fit_lines};
 pub use line_points::{BeamNoise, LineExtractor, LinePoint};
 pub use matcher::{MatchResult, MatchStatus, Matcher, Prior};
 pub use neighbours::NeighbourTree;
-pub use registry::{MATCHER_NAMES, matcher};
+pub use registry::{MATCHER_NAMES, MatcherKind, matcher};
 pub use search::{Candidate, SearchOutcome, SearchSettings, SearchWindow};
 pub use surfel_field::{FieldSettings, SurfelField};
 pub use wide::WideSettings;

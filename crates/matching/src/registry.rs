@@ -1,19 +1,73 @@
 use crate::{
     BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, Matcher, WsmMatcher, WsmSettings,
 };
+use serde::{Deserialize, Serialize};
+
+/// Every matcher there is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MatcherKind {
+    /// The Weighted Scan Matcher with a calibrated covariance.
+    Wsm,
+    /// The Weighted Scan Matcher as the thesis has it.
+    WsmThesis,
+    /// Weighted point-to-line on a surfel field: the production matcher.
+    #[default]
+    Fast,
+    /// Olson's correlative search.
+    Correlative,
+    /// Wide search by branch and bound.
+    BranchAndBound,
+}
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 5] =
-    ["wsm", "wsm-thesis", "fast", "correlative", "branch-and-bound"];
+pub const MATCHER_NAMES: [&str; 5] = [
+    MatcherKind::Wsm.name(),
+    MatcherKind::WsmThesis.name(),
+    MatcherKind::Fast.name(),
+    MatcherKind::Correlative.name(),
+    MatcherKind::BranchAndBound.name(),
+];
+
+impl MatcherKind {
+    /// All of them, in the order of [`MATCHER_NAMES`].
+    pub const ALL: [MatcherKind; MATCHER_NAMES.len()] = [
+        MatcherKind::Wsm,
+        MatcherKind::WsmThesis,
+        MatcherKind::Fast,
+        MatcherKind::Correlative,
+        MatcherKind::BranchAndBound,
+    ];
+
+    /// The name on the command line and in the configuration.
+    pub const fn name(self) -> &'static str {
+        match self {
+            MatcherKind::Wsm => "wsm",
+            MatcherKind::WsmThesis => "wsm-thesis",
+            MatcherKind::Fast => "fast",
+            MatcherKind::Correlative => "correlative",
+            MatcherKind::BranchAndBound => "branch-and-bound",
+        }
+    }
+
+    /// The matcher of this name; `None` for an unknown one.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// The matcher with its default settings.
+    pub fn build(self) -> Box<dyn Matcher> {
+        match self {
+            MatcherKind::Wsm => Box::new(WsmMatcher::default()),
+            MatcherKind::WsmThesis => Box::new(WsmMatcher { settings: WsmSettings::thesis() }),
+            MatcherKind::Fast => Box::new(FieldMatcher::default()),
+            MatcherKind::Correlative => Box::new(CorrelativeMatcher::default()),
+            MatcherKind::BranchAndBound => Box::new(BranchAndBoundMatcher::default()),
+        }
+    }
+}
 
 /// A matcher with its default settings, by name; `None` for an unknown name.
 pub fn matcher(name: &str) -> Option<Box<dyn Matcher>> {
-    match name {
-        "wsm" => Some(Box::new(WsmMatcher::default())),
-        "wsm-thesis" => Some(Box::new(WsmMatcher { settings: WsmSettings::thesis() })),
-        "fast" => Some(Box::new(FieldMatcher::default())),
-        "correlative" => Some(Box::new(CorrelativeMatcher::default())),
-        "branch-and-bound" => Some(Box::new(BranchAndBoundMatcher::default())),
-        _ => None,
-    }
+    MatcherKind::named(name).map(MatcherKind::build)
 }
