@@ -61,6 +61,9 @@ pub struct ConfigArgs {
     /// Configuration file, TOML; what it does not name keeps its default (see `config show`)
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// The matcher that localises scans; all but `fast` are for comparison, and slow
+    #[arg(long, value_name = "NAME", value_parser = matching::MATCHER_NAMES)]
+    pub matcher: Option<String>,
     /// Use the log's odometry, or do without
     #[arg(long, value_name = "on|off")]
     pub odometry: Option<Switch>,

@@ -1,7 +1,8 @@
 use crate::args::{ConfigArgs, Switch};
 use anyhow::{Context, Result, bail};
+use matching::MatcherKind;
 use rendering::{CastSettings, OccupancyRule};
-use sensing::LaserLimits;
+use sensing::{DeskewSettings, LaserLimits};
 use serde::{Deserialize, Serialize};
 use slam::SlamConfig;
 use toml::{Table, Value};
@@ -14,8 +15,26 @@ pub struct Config {
     pub map: MapConfig,
     /// Which readings count.
     pub laser: LaserLimits,
+    /// What is done to scans before they are used.
+    pub scan: ScanConfig,
     /// Localisation, loop closing and refit.
     pub slam: SlamConfig,
+}
+
+/// What is done to scans before they are used.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScanConfig {
+    /// Every so-manieth beam is used, the others are left out.
+    pub every_nth_beam: usize,
+    /// Correction for the robot's motion while a scan was taken.
+    pub deskew: DeskewSettings,
+}
+
+impl Default for ScanConfig {
+    fn default() -> Self {
+        ScanConfig { every_nth_beam: 1, deskew: DeskewSettings::default() }
+    }
 }
 
 /// How the map is drawn.
@@ -56,6 +75,9 @@ impl Config {
         };
         if let Some(switch) = args.odometry {
             config.slam.odometry.enabled = switch == Switch::On;
+        }
+        if let Some(kind) = args.matcher.as_deref().and_then(MatcherKind::named) {
+            config.slam.front_end = kind;
         }
         if let Some(resolution_m) = args.resolution {
             config.map.resolution_m = resolution_m;
@@ -98,6 +120,9 @@ impl Config {
         };
         within("map.resolution_m", self.map.resolution_m, 0.001, 10.0);
         within("map.margin_m", self.map.margin_m, 0.0, 1000.0);
+        within("scan.deskew.sweep_secs", self.scan.deskew.sweep_secs, 0.0, 10.0);
+        within("scan.deskew.reference", self.scan.deskew.reference, 0.0, 1.0);
+        within("scan.every_nth_beam", self.scan.every_nth_beam as f64, 1.0, 1000.0);
         within("slam.field.cell_m", f64::from(self.slam.field.cell_m), 0.005, 5.0);
         problems
     }

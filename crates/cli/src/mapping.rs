@@ -1,5 +1,5 @@
 use crate::args::Global;
-use crate::config::Config;
+use crate::config::{Config, ScanConfig};
 use crate::reading::Reading;
 use crate::terminal::progress;
 use anyhow::{Result, bail};
@@ -7,8 +7,8 @@ use geometry::{Matrix3, Pose2};
 use logs::{LogRecord, ReadReport};
 use manifold::{Manifold, Provenance};
 use optimizer::{Edge, EdgeKind, PoseGraph};
-use sensing::Stamp;
-use slam::{Mapper, Preparation, PreparedObservation, SlamConfig, Stage, StageObserver};
+use sensing::{Observation, Stamp, Velocimeter};
+use slam::{Mapper, Preparation, PreparedObservation, Stage, StageObserver};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -75,11 +75,17 @@ pub enum IncomingScan {
 
 /// What the reading thread does with every scan. Preparing is the same work on either thread; it is
 /// done where there is time.
-pub fn preparing(
-    config: &SlamConfig,
-) -> impl FnMut(LogRecord, bool) -> IncomingScan + Send + use<> {
-    let mut preparation = Preparation::new(config);
-    move |record, behind| {
+pub fn preparing(config: &Config) -> impl FnMut(LogRecord, bool) -> IncomingScan + Send + use<> {
+    let mut preparation = Preparation::new(&config.slam);
+    let mut velocimeter = Velocimeter::default();
+    let ScanConfig { every_nth_beam, deskew } = config.scan;
+    move |mut record, behind| {
+        let Observation { stamp, odom_from_base, .. } = record.observation;
+        let twist = velocimeter.observe(stamp, odom_from_base);
+        if every_nth_beam > 1 {
+            record.observation.scan = record.observation.scan.every(every_nth_beam);
+        }
+        record.observation.sweep = deskew.sweep(record.twist.or(twist));
         if behind {
             return IncomingScan::Read(record);
         }

@@ -1,7 +1,14 @@
 use crate::map::Map;
-use geometry::Pose2;
+use geometry::{Pose2, Vector2};
 use manifold::{PatchId, SubmapLimits};
 use matching::{FieldSettings, LinePoint, SurfelField};
+
+/// One sight line in so many is looked along, ...
+const SIGHT_LINES_STEP: usize = 3;
+/// ... up to this far before its end, metres, ...
+const BEFORE_END_M: f32 = 0.5;
+/// ... and not at all if it ends nearer than this to the laser, metres.
+const NEAREST_END_M: f32 = 1.0;
 
 /// A local submap as a surfel field, in the frame of its anchor patch.
 #[derive(Clone, Debug)]
@@ -41,10 +48,53 @@ impl ActiveSubmap {
         lay_field(&mut self.field, map, &self.members, margin_m);
     }
 
+    /// The positions of all points of the members, in the anchor's frame.
+    pub fn positions<'a>(&'a self, map: &'a Map) -> impl Iterator<Item = Vector2<f64>> + 'a {
+        self.members.iter().flat_map(|(patch, pose)| {
+            let mover = LinePoint::mover(pose);
+            map.surface(*patch).iter().map(move |p| {
+                let moved = mover(p);
+                Vector2::new(moved.x.into(), moved.y.into())
+            })
+        })
+    }
+
+    /// Share of a scan's sight lines that pass through a wall of the submap when the scan is at
+    /// `anchor_from_base`.
+    pub fn seen_through(
+        &self,
+        scan: &[LinePoint],
+        anchor_from_base: &Pose2,
+        base_from_laser: &Pose2,
+    ) -> f64 {
+        let laser = (*anchor_from_base * *base_from_laser).translation().cast::<f32>();
+        let (mut lines, mut blocked) = (0usize, 0usize);
+        let mover = LinePoint::mover(anchor_from_base);
+        for p in scan.iter().step_by(SIGHT_LINES_STEP).map(mover) {
+            let end = Vector2::new(p.x, p.y);
+            let range = (end - laser).norm();
+            if range < NEAREST_END_M {
+                continue;
+            }
+            let short = laser + (end - laser) * ((range - BEFORE_END_M) / range);
+            lines += 1;
+            blocked += usize::from(self.field.blocks((laser.x, laser.y), (short.x, short.y)));
+        }
+        blocked as f64 / lines.max(1) as f64
+    }
+
     /// Adds a patch just created.
     pub fn push(&mut self, patch: PatchId, anchor_from_patch: Pose2, surface: &[LinePoint]) {
         self.members.push((patch, anchor_from_patch));
         self.field.insert(surface, &anchor_from_patch);
+    }
+
+    /// The members whose origins are nearest to a pose in the anchor's frame, nearest first.
+    pub fn nearest_members(&self, pose: &Pose2, most: usize) -> Vec<(PatchId, Pose2)> {
+        let mut members = self.members.clone();
+        members.sort_by(|a, b| a.1.distance(pose).total_cmp(&b.1.distance(pose)));
+        members.truncate(most);
+        members
     }
 
     /// The member whose origin is nearest to a pose in the anchor's frame, and its pose. Rotation

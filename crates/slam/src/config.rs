@@ -1,12 +1,15 @@
 use crate::{ClosingSettings, OdometrySettings, RefitSettings};
 use manifold::SubmapLimits;
-use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings};
+use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
 use serde::{Deserialize, Serialize};
 
 /// Everything that can be set about the pipeline. The defaults are meant for every building.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SlamConfig {
+    /// The matcher that localises scans in their local submap. Only `fast` keeps its reference from
+    /// scan to scan; the others are for comparison, and far slower.
+    pub front_end: MatcherKind,
     /// Residuals of neighbouring beams are not independent: the information a match claims is this
     /// many times what it has.
     pub match_correlation: f64,
@@ -35,6 +38,7 @@ pub struct SlamConfig {
 impl Default for SlamConfig {
     fn default() -> Self {
         SlamConfig {
+            front_end: MatcherKind::default(),
             match_correlation: 10.0,
             odometry: OdometrySettings::default(),
             extension: ExtensionSettings::default(),

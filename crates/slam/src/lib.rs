@@ -8,11 +8,14 @@ mod active_submap;
 mod config;
 mod event;
 mod front_end;
+mod localiser;
 mod loop_closing;
 mod map;
 mod mapper;
 mod motion_model;
+mod odometer;
 mod plausibility;
+mod recovery;
 mod refit;
 
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};

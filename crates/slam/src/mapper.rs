@@ -73,7 +73,8 @@ impl Preparation {
 
     /// Prepares one observation.
     pub fn prepare(&mut self, observation: Observation) -> PreparedObservation {
-        let surface = self.lines.extract(&observation.scan, &observation.base_from_laser);
+        let Observation { scan, base_from_laser, sweep, .. } = &observation;
+        let surface = self.lines.extract_swept(scan, base_from_laser, sweep.as_ref());
         PreparedObservation { observation, surface }
     }
 }

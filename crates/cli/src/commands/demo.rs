@@ -28,7 +28,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
 
     let start = Instant::now();
     let path = args.output.join("demo.clf");
-    let reading = Reading::of_text(log, &path, read_options(&config), preparing(&config.slam))?;
+    let reading = Reading::of_text(log, &path, read_options(&config), preparing(&config))?;
     let mapped = map_log(reading, 0, &config, global)?;
     let mut truth = Vec::new();
     let stamps = mapped.stamps.iter().map(String::as_str);

@@ -60,7 +60,7 @@ fn map_one(
     let start = Instant::now();
     let file = LogFile::open(log)?;
     let size = file.size;
-    let reading = Reading::of_file(file, log, read_options(config), preparing(&config.slam))?;
+    let reading = Reading::of_file(file, log, read_options(config), preparing(config))?;
     let mapped =
         map_log(reading, size, config, global).with_context(|| log.display().to_string())?;
     let metrics = write_result(folder, &stem(log), log, &mapped, config, start)?;

@@ -67,6 +67,28 @@ impl Candidates {
         self.spaced(found.into_iter().map(|f| f.1), map)
     }
 
+    /// Places all over where the query may be, spaced so that searches around them leave little
+    /// out.
+    pub fn everywhere(&self, query: PatchId, map: &Map) -> Vec<Candidate> {
+        let own = map.pose(query);
+        let possible = self.possible(query, true, map);
+        let known = map.manifold.uncertainty_from(query, &possible);
+        let mut chosen: Vec<Candidate> = Vec::new();
+        for patch in possible {
+            let Some(belief) = known[patch.index()] else { continue };
+            let here = map.pose(patch).between(&own);
+            let near = |c: &Candidate| {
+                map.pose(c.patch).distance(&map.pose(patch)) < self.settings.reach_m
+            };
+            if self.may_overlap(&here, &belief).is_none() || chosen.iter().any(near) {
+                continue;
+            }
+            let patch_from_query = GaussianPose2 { mean: here, ..belief.inverse() };
+            chosen.push(Candidate { patch, patch_from_query, by_look: true });
+        }
+        chosen
+    }
+
     /// Patches that are places left and perhaps met again: those in the search box, and all others
     /// when looking all round is due.
     fn possible(&self, query: PatchId, look_due: bool, map: &Map) -> Vec<PatchId> {

@@ -28,8 +28,9 @@ impl PendingClosures {
         PendingClosures { support, waiting: Vec::new() }
     }
 
-    /// Takes a verified closure and returns those that are now accepted: the largest set found of
-    /// closures that all agree with one another and with the new one, if it has enough members.
+    /// Takes a verified closure and returns those that may now be accepted: the largest set found
+    /// of closures that all agree with one another and with the new one, if it has enough members.
+    /// They wait on until [`PendingClosures::accept`].
     pub fn offer(&mut self, closure: Closure, map: &Map) -> Vec<Closure> {
         if closure.surprise < CHI2_3_99 && closure.shift.norm() < SMALL_SHIFT_M {
             return vec![closure];
@@ -44,11 +45,12 @@ impl PendingClosures {
             }
         }
         self.waiting.push(closure);
-        if witnesses < self.support {
-            return Vec::new();
-        }
+        if witnesses < self.support { Vec::new() } else { set }
+    }
+
+    /// The closures of an accepted set wait no longer.
+    pub fn accept(&mut self, set: &[Closure]) {
         self.waiting.retain(|w| !set.contains(w));
-        set
     }
 
     /// Drops closures whose query is more than `age` patches older than `now`; returns how many.

@@ -9,7 +9,7 @@ mod verification;
 
 use crate::SlamConfig;
 use crate::map::Map;
-use candidates::Candidates;
+use candidates::{Candidate, Candidates};
 use consistency::PendingClosures;
 use geometry::Pose2;
 use manifold::PatchId;
@@ -99,6 +99,8 @@ pub(crate) struct Closure {
     pub shift: Pose2,
     /// Squared Mahalanobis distance from what was believed.
     pub surprise: f64,
+    /// Everywhere the query may be was searched, and it fits here alone.
+    pub alone: bool,
 }
 
 /// Why a candidate did not become a closure.
@@ -144,6 +146,8 @@ pub struct ClosingStatistics {
     pub degenerate: usize,
     /// See [`Rejection::Unsupported`].
     pub unsupported: usize,
+    /// Consistent sets that were not accepted because one of their queries fits elsewhere as well.
+    pub rivalled: usize,
 }
 
 impl ClosingStatistics {
@@ -211,12 +215,40 @@ impl LoopCloser {
         let mut accepted = Vec::new();
         for answer in answers {
             match answer {
-                Ok(closure) => accepted.extend(self.pending.offer(closure, map)),
+                Ok(closure) => accepted.extend(self.admit(closure, map)),
                 Err(rejection) => self.statistics.count(rejection),
             }
         }
         self.statistics.accepted += accepted.len();
         accepted
+    }
+
+    /// The closures that a verified one brings to acceptance.
+    fn admit(&mut self, closure: Closure, map: &Map) -> Vec<Closure> {
+        let set = self.pending.offer(closure, map);
+        if set.len() > 1 && !closure.alone && self.has_rival(&closure, map) {
+            self.statistics.rivalled += 1;
+            return Vec::new();
+        }
+        self.pending.accept(&set);
+        set
+    }
+
+    /// True when the query fits nearly as well somewhere else where the robot may be: along a
+    /// corridor many closures agree with one another about the wrong door.
+    fn has_rival(&self, closure: &Closure, map: &Map) -> bool {
+        let places = self.candidates.everywhere(closure.to, map);
+        let claimed = map.pose(closure.from) * closure.result.pose;
+        let enough = self.settings.rival * closure.result.inlier_ratio;
+        let rivals = |verifier: &mut Verifier, place: &Candidate| {
+            let Ok(other) = verifier.verify(closure.to, place, map) else { return false };
+            let there = map.pose(other.from) * other.result.pose;
+            other.result.inlier_ratio > enough && there.distance(&claimed) > RIVAL_M
+        };
+        places
+            .par_iter()
+            .map_init(|| self.verifier.clone(), |verifier, place| rivals(verifier, place))
+            .any(|rival| rival)
     }
 
     /// True when the robot has driven far enough since the last search; notes the search.
@@ -236,5 +268,7 @@ impl LoopCloser {
     }
 }
 
+/// A place farther than this from the one claimed is another one, metres.
+const RIVAL_M: f64 = 1.0;
 /// A closure waits for others to agree with it while this many patches are added.
 const PATIENCE_PATCHES: u32 = 200;

@@ -71,7 +71,9 @@ impl Verifier {
         if fits[1..].iter().any(|m| m.inlier_ratio > rival && distinct(m)) {
             return Err(Rejection::Ambiguous);
         }
-        if self.seen_through(query, &best.pose, map) > self.settings.seen_through {
+        if self.seen_through(query, &best.pose, map)
+            > self.settings.seen_through + self.seen_through(candidate.patch, &Pose2::IDENTITY, map)
+        {
             return Err(Rejection::SeenThrough);
         }
         let spread =
@@ -79,7 +81,7 @@ impl Verifier {
         if spread(0).max(spread(1)) > self.settings.largest_std_m {
             return Err(Rejection::Degenerate);
         }
-        let closure = closure(query, candidate, best);
+        let closure = self.closure(query, candidate, best);
         if closure.surprise > self.settings.sigmas_accepted.powi(2) {
             return Err(Rejection::Implausible);
         }
@@ -113,23 +115,15 @@ impl Verifier {
             let half_yaw_rad = half(2).clamp(0.3, PI);
             SearchWindow { centre, half_x_m: s.reach_m, half_y_m: s.reach_m, half_yaw_rad }
         } else {
-            // The covariance is in the query's frame; a square box holds it in any other.
-            let half_m = half(0).max(half(1)).clamp(0.4, s.window_m);
+            let half_m = self.doubt_m(belief).clamp(0.4, s.window_m);
             let half_yaw_rad = half(2).clamp(0.1, PI);
             SearchWindow { centre: belief.mean, half_x_m: half_m, half_y_m: half_m, half_yaw_rad }
         };
         let points: Vec<Vector2<f32>> =
             surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
-        let reference = self.submap.members.iter().flat_map(|(patch, pose)| {
-            let mover = LinePoint::mover(pose);
-            map.surface(*patch).iter().map(move |p| {
-                let moved = mover(p);
-                Vector2::new(moved.x.into(), moved.y.into())
-            })
-        });
         let grid =
             LikelihoodSettings { cell_m: 0.1, sigma_m: 0.12, ..LikelihoodSettings::default() };
-        let pyramid = LikelihoodPyramid::from_points(reference, &grid);
+        let pyramid = LikelihoodPyramid::from_points(self.submap.positions(map), &grid);
         let settings = SearchSettings {
             min_score: s.min_score,
             candidates: RIVALS,
@@ -140,28 +134,32 @@ impl Verifier {
         outcome.candidates.iter().map(|c| c.pose).collect()
     }
 
-    fn refine(&self, surroundings: &[LinePoint], pose: &Pose2) -> MatchResult {
-        self.matcher.align(&self.submap.field, surroundings, &Prior::guess(*pose))
+    fn closure(&self, query: PatchId, candidate: &Candidate, result: MatchResult) -> Closure {
+        let belief = &candidate.patch_from_query;
+        let shift = belief.mean.between(&result.pose);
+        let covariance = belief.covariance + result.covariance;
+        let predicted = GaussianPose2 { mean: belief.mean, covariance };
+        let surprise = predicted.mahalanobis_squared(&result.pose).unwrap_or(f64::INFINITY);
+        let alone = !candidate.by_look && self.doubt_m(belief) <= self.settings.window_m;
+        Closure { from: candidate.patch, to: query, result, shift, surprise, alone }
     }
 
-    /// Share of the query's sight lines that pass through a wall of the candidate's submap.
-    fn seen_through(&self, query: PatchId, pose: &Pose2, map: &Map) -> f64 {
-        let patch = map.manifold.patch(query);
-        let laser = (*pose * patch.base_from_laser).translation().cast::<f32>();
-        let (mut lines, mut blocked) = (0usize, 0usize);
-        let mover = LinePoint::mover(pose);
-        for p in map.surface(query).iter().step_by(3).map(mover) {
-            let end = Vector2::new(p.x, p.y);
-            let range = (end - laser).norm();
-            if range < 1.0 {
-                continue;
-            }
-            let short = laser + (end - laser) * ((range - 0.5) / range);
-            lines += 1;
-            blocked +=
-                usize::from(self.submap.field.blocks((laser.x, laser.y), (short.x, short.y)));
-        }
-        blocked as f64 / lines.max(1) as f64
+    /// How far from where it is believed the query may be, metres.
+    fn doubt_m(&self, belief: &GaussianPose2) -> f64 {
+        let std = |i: usize| belief.covariance[(i, i)].sqrt();
+        // The covariance is in the query's frame; a square box holds it in any other.
+        self.settings.sigmas * std(0).max(std(1))
+    }
+
+    /// Share of a patch's sight lines that pass through walls of the submap. People and doors that
+    /// moved while the submap was made are seen through by its own patches as well.
+    fn seen_through(&self, patch: PatchId, anchor_from_patch: &Pose2, map: &Map) -> f64 {
+        let laser = map.manifold.patch(patch).base_from_laser;
+        self.submap.seen_through(map.surface(patch), anchor_from_patch, &laser)
+    }
+
+    fn refine(&self, surroundings: &[LinePoint], pose: &Pose2) -> MatchResult {
+        self.matcher.align(&self.submap.field, surroundings, &Prior::guess(*pose))
     }
 }
 
@@ -177,13 +175,4 @@ fn thinned(members: &[(PatchId, Pose2)], map: &Map, cell_m: f32) -> Vec<LinePoin
     points.sort_by_key(|(square, _)| *square);
     points.dedup_by_key(|(square, _)| *square);
     points.into_iter().map(|(_, p)| p).collect()
-}
-
-fn closure(query: PatchId, candidate: &Candidate, result: MatchResult) -> Closure {
-    let belief = &candidate.patch_from_query;
-    let shift = belief.mean.between(&result.pose);
-    let covariance = belief.covariance + result.covariance;
-    let predicted = GaussianPose2 { mean: belief.mean, covariance };
-    let surprise = predicted.mahalanobis_squared(&result.pose).unwrap_or(f64::INFINITY);
-    Closure { from: candidate.patch, to: query, result, shift, surprise }
 }

@@ -73,7 +73,7 @@ impl Default for RefitSettings {
             kernel_start_m: 0.1,
             kernel_end_m: 0.03,
             overlap_sharing: 15.0,
-            outlier_sigmas: 3.0,
+            outlier_sigmas: 2.0,
             group_radius_m: 6.0,
             group_margin_m: 6.0,
         }

@@ -40,7 +40,11 @@ fn a_mapper_that_saw_nothing_finishes() {
 #[test]
 fn one_scan_is_a_map() {
     let mapped = map(SlamConfig::default(), &log()[..1]);
-    assert!(mapped.trajectory.len() == 1 && mapped.trajectory[0].norm() < 1e-3);
+    assert!(
+        mapped.trajectory.len() == 1 && mapped.trajectory[0].norm() < 1e-3,
+        "{:?}",
+        mapped.trajectory
+    );
     assert_eq!(mapped.manifold.patches().len(), 1);
 }
 

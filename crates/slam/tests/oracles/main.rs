@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod bad_input;
+mod corridors;
 mod determinism;
 mod faults;
 mod replay;
