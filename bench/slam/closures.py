@@ -7,6 +7,7 @@ An edge of graph.g2o between patches more than 100 scans apart is a closure. The
 a relation between scans within 15 scans of both ends; the short ways from there to the ends are taken
 from the result's trajectory. A closure is wrong when it is more than 0.3 m or 6 degrees off, and
 off by more than 3.4 standard deviations (99 %) of its own covariance.
+All closures are drawn into RESULT-closures.svg: right ones green, unknown ones grey, wrong ones thick and red.
 Recall: share of the truth's relations more than 100 scans apart with a closure within 15 scans of both ends,
 or whose ends the map places within 0.3 m and 6 degrees of the truth without one ("placed").
 """
@@ -34,6 +35,23 @@ def off(e):
     return math.hypot(e[0], e[1]) > 0.3 or abs(e[2]) > math.radians(6)
 
 
+def draw(path, poses, closures):
+    """The trajectory and every closure, y up; wrong ones last, so that nothing hides them."""
+    colours = {"unknown": ("#999", 0.05), "right": ("#2a2", 0.08), "wrong": ("#d00", 0.3)}
+    xs, ys = [p[0] for p in poses], [-p[1] for p in poses]
+    x, y = min(xs) - 1, min(ys) - 1
+    box = f"{x:.1f} {y:.1f} {max(xs) + 1 - x:.1f} {max(ys) + 1 - y:.1f}"
+    with open(path, "w") as file:
+        file.write(f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" width="1000">\n')
+        points = " ".join(f"{a:.2f},{b:.2f}" for a, b in zip(xs, ys))
+        file.write(f'<polyline points="{points}" fill="none" stroke="#bcd" stroke-width="0.05"/>\n')
+        for a, b, verdict in sorted(closures, key=lambda c: list(colours).index(c[2])):
+            colour, width = colours[verdict]
+            file.write(f'<line x1="{xs[a]:.2f}" y1="{ys[a]:.2f}" x2="{xs[b]:.2f}" y2="{ys[b]:.2f}" '
+                       f'stroke="{colour}" stroke-width="{width}"><title>{a} {b} {verdict}</title></line>\n')
+        file.write("</svg>\n")
+
+
 def main():
     folder, name, relations = sys.argv[1:4]
     poses, index = [], {}
@@ -52,7 +70,7 @@ def main():
         if None not in ends and abs(ends[0] - ends[1]) > FAR:
             truth.append((ends[0], ends[1], (v[2], v[3], v[7])))
     known = wrong = total = 0
-    closures = []
+    closures, verdicts = [], []
     for line in open(f"{folder}/graph.g2o"):
         f = line.split()
         if f[0] != "EDGE_SE2":
@@ -69,8 +87,10 @@ def main():
                 d = abs(p - a) + abs(q - b)
                 if abs(p - a) <= NEAR and abs(q - b) <= NEAR and (best is None or d < best[0]):
                     best = (d, p, q, t)
+        verdicts.append((a, b, "unknown"))
         if best is None:
             continue
+        verdicts[-1] = (a, b, "right")
         known += 1
         _, p, q, t = best
         true = times(times(between(poses[a], poses[p]), t), between(poses[q], poses[b]))
@@ -80,10 +100,12 @@ def main():
         if off(e):
             verdict = "wrong" if chi2 > 11.34 else "within its covariance"
             wrong += chi2 > 11.34
+            verdicts[-1] = (a, b, "wrong" if chi2 > 11.34 else "right")
             print(f"  scans {a} {b}: {math.hypot(e[0], e[1]):.2f} m {math.degrees(e[2]):.1f} deg off, {verdict}")
     met = sum(any((abs(p - a) <= NEAR and abs(q - b) <= NEAR) or (abs(q - a) <= NEAR and abs(p - b) <= NEAR)
                   for a, b in closures) for p, q, _ in truth)
     placed = sum(not off(between(t, between(poses[p], poses[q]))) for p, q, t in truth)
+    draw(f"{folder}-closures.svg", poses, verdicts)
     print(f"{name}: {total} closures, {known} known to the truth, {wrong} wrong; truth's revisits {len(truth)}: "
           f"closed directly {met}, placed right {placed} ({100 * placed / max(1, len(truth)):.1f} %)")
 

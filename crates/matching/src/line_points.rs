@@ -146,8 +146,8 @@ impl LineExtractor {
         })
     }
 
-    /// Moves every hit to where the laser would have seen it at the reference time. The direction of
-    /// its beam is left as it is: turned by less than a degree, which is nothing to its noise.
+    /// Moves every hit to where the laser would have seen it at the reference time. The direction
+    /// of its beam is left as it is: turned by less than a degree, which is nothing to its noise.
     fn move_hits(&mut self, scan: &Scan, base_from_laser: &Pose2, sweep: &Sweep) {
         let laser_from_base = base_from_laser.inverse();
         for (hit, &beam) in self.hits.iter_mut().zip(&self.beams) {

@@ -106,8 +106,8 @@ fn the_ends_of_walls_face_along_them() {
     }
 }
 
-/// A slow scanner on a turning robot: with the sweep known, walls are where they are; taken at once,
-/// they are bent by centimetres.
+/// A slow scanner on a turning robot: with the sweep known, walls are where they are; taken at
+/// once, they are bent by centimetres.
 #[test]
 fn a_sweep_is_undone() {
     let mut plan = FloorPlan::new();

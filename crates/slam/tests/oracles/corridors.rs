@@ -79,8 +79,8 @@ fn regular_ring(spacing: f64) -> FloorPlan {
     plan
 }
 
-/// Closures in a row may agree about the wrong door. (The stress log `killian`, variant 2, once broke
-/// by this.)
+/// Closures in a row may agree about the wrong door. (The stress log `killian`, variant 2, once
+/// broke by this.)
 #[test]
 fn doors_that_look_alike_are_not_confused() {
     for seed in [1, 2] {
