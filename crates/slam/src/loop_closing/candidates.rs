@@ -11,8 +11,18 @@ pub(crate) struct Candidate {
     pub patch: PatchId,
     /// Present belief of the query, seen from the candidate patch.
     pub patch_from_query: GaussianPose2,
-    /// True when the belief is too vague to search: the place itself is then searched all round.
-    pub by_look: bool,
+    /// Where to look for the query.
+    pub area: SearchArea,
+}
+
+/// Where around a candidate to look for the query.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum SearchArea {
+    /// Where the query is believed to be.
+    Believed,
+    /// Around the candidate itself, to this distance along either axis, metres: the belief is too
+    /// vague to search.
+    Around(f64),
 }
 
 /// Chooses the places to compare a new patch with.
@@ -58,7 +68,12 @@ impl Candidates {
                 here.norm() + here.yaw.abs()
             };
             let patch_from_query = GaussianPose2 { mean: here, ..belief.inverse() };
-            found.push((rank, Candidate { patch: patch.id, patch_from_query, by_look }));
+            let area = if by_look {
+                SearchArea::Around(self.settings.reach_m)
+            } else {
+                SearchArea::Believed
+            };
+            found.push((rank, Candidate { patch: patch.id, patch_from_query, area }));
         }
         if look_due {
             self.last_look = Some(own);
@@ -84,7 +99,9 @@ impl Candidates {
                 continue;
             }
             let patch_from_query = GaussianPose2 { mean: here, ..belief.inverse() };
-            chosen.push(Candidate { patch, patch_from_query, by_look: true });
+            // The query may see what was mapped without being where it was mapped from.
+            let area = SearchArea::Around(self.settings.window_m);
+            chosen.push(Candidate { patch, patch_from_query, area });
         }
         chosen
     }
@@ -124,7 +141,8 @@ impl Candidates {
                     || c.patch.0.abs_diff(candidate.patch.0) > SETTLED_PATCHES
             };
             // Looking all round is costly: once per search.
-            let looked = candidate.by_look && chosen.iter().any(|c| c.by_look);
+            let by_look = |c: &Candidate| c.area != SearchArea::Believed;
+            let looked = by_look(&candidate) && chosen.iter().any(by_look);
             if !looked && chosen.iter().all(apart) {
                 chosen.push(candidate);
             }

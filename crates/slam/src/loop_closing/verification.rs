@@ -1,4 +1,4 @@
-use super::candidates::Candidate;
+use super::candidates::{Candidate, SearchArea};
 use super::{ClosingSettings, Closure, Rejection};
 use crate::SlamConfig;
 use crate::active_submap::ActiveSubmap;
@@ -110,15 +110,12 @@ impl Verifier {
         let s = &self.settings;
         let belief = &candidate.patch_from_query;
         let half = |i: usize| s.sigmas * belief.covariance[(i, i)].sqrt();
-        let window = if candidate.by_look {
-            let centre = Pose2::new(0.0, 0.0, belief.mean.yaw);
-            let half_yaw_rad = half(2).clamp(0.3, PI);
-            SearchWindow { centre, half_x_m: s.reach_m, half_y_m: s.reach_m, half_yaw_rad }
-        } else {
-            let half_m = self.doubt_m(belief).clamp(0.4, s.window_m);
-            let half_yaw_rad = half(2).clamp(0.1, PI);
-            SearchWindow { centre: belief.mean, half_x_m: half_m, half_y_m: half_m, half_yaw_rad }
+        let (centre, half_m, least_yaw_rad) = match candidate.area {
+            SearchArea::Around(half_m) => (Pose2::new(0.0, 0.0, belief.mean.yaw), half_m, 0.3),
+            SearchArea::Believed => (belief.mean, self.doubt_m(belief).clamp(0.4, s.window_m), 0.1),
         };
+        let half_yaw_rad = half(2).clamp(least_yaw_rad, PI);
+        let window = SearchWindow { centre, half_x_m: half_m, half_y_m: half_m, half_yaw_rad };
         let points: Vec<Vector2<f32>> =
             surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
         let grid =
@@ -140,7 +137,8 @@ impl Verifier {
         let covariance = belief.covariance + result.covariance;
         let predicted = GaussianPose2 { mean: belief.mean, covariance };
         let surprise = predicted.mahalanobis_squared(&result.pose).unwrap_or(f64::INFINITY);
-        let alone = !candidate.by_look && self.doubt_m(belief) <= self.settings.window_m;
+        let alone = candidate.area == SearchArea::Believed
+            && self.doubt_m(belief) <= self.settings.window_m;
         Closure { from: candidate.patch, to: query, result, shift, surprise, alone }
     }
 
