@@ -241,9 +241,9 @@ impl LoopCloser {
         let claimed = map.pose(closure.from) * closure.result.pose;
         let enough = self.settings.rival * closure.result.inlier_ratio;
         let rivals = |verifier: &mut Verifier, place: &Candidate| {
-            let Ok(other) = verifier.verify(closure.to, place, map) else { return false };
-            let there = map.pose(other.from) * other.result.pose;
-            other.result.inlier_ratio > enough && there.distance(&claimed) > RIVAL_M
+            let poses = verifier.possible(closure.to, place, enough, map);
+            let place = map.pose(place.patch);
+            poses.iter().any(|pose| (place * *pose).distance(&claimed) > RIVAL_M)
         };
         places
             .par_iter()

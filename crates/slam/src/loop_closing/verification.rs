@@ -45,17 +45,8 @@ impl Verifier {
         candidate: &Candidate,
         map: &Map,
     ) -> Result<Closure, Rejection> {
-        self.submap.gather(map, candidate.patch, &self.limits);
-        let surroundings = self.surroundings(query, map);
-        let found = self.search(&surroundings, candidate, map);
-        if found.is_empty() {
-            return Err(Rejection::NotFound);
-        }
-        self.submap.lay(map, 1.0);
-        let mut fits: Vec<MatchResult> =
-            found.iter().map(|pose| self.refine(&surroundings, pose)).collect();
-        fits.sort_by(|a, b| b.inlier_ratio.total_cmp(&a.inlier_ratio));
-        let best = fits[0];
+        let fits = self.fits(query, candidate, map);
+        let best = *fits.first().ok_or(Rejection::NotFound)?;
         let own_share = self.matcher.conclude(&self.submap.field, map.surface(query), best.pose, 0);
         if !best.status.is_usable()
             || best.inlier_ratio < self.settings.share
@@ -71,9 +62,7 @@ impl Verifier {
         if fits[1..].iter().any(|m| m.inlier_ratio > rival && distinct(m)) {
             return Err(Rejection::Ambiguous);
         }
-        if self.seen_through(query, &best.pose, map)
-            > self.settings.seen_through + self.seen_through(candidate.patch, &Pose2::IDENTITY, map)
-        {
+        if self.looks_through_walls(query, &best.pose, candidate, map) {
             return Err(Rejection::SeenThrough);
         }
         let spread =
@@ -86,6 +75,37 @@ impl Verifier {
             return Err(Rejection::Implausible);
         }
         Ok(closure)
+    }
+
+    /// Poses seen from the candidate where the query fits to a share of `enough` at least, and looks
+    /// through no walls.
+    pub fn possible(
+        &mut self,
+        query: PatchId,
+        candidate: &Candidate,
+        enough: f64,
+        map: &Map,
+    ) -> Vec<Pose2> {
+        let mut fits = self.fits(query, candidate, map);
+        fits.retain(|fit| fit.status.is_usable() && fit.inlier_ratio >= enough);
+        fits.retain(|fit| !self.looks_through_walls(query, &fit.pose, candidate, map));
+        fits.iter().map(|fit| fit.pose).collect()
+    }
+
+    /// The best poses of a query, seen from the candidate, refined, those that fit best first. The
+    /// candidate's submap is laid for them.
+    fn fits(&mut self, query: PatchId, candidate: &Candidate, map: &Map) -> Vec<MatchResult> {
+        self.submap.gather(map, candidate.patch, &self.limits);
+        let surroundings = self.surroundings(query, map);
+        let found = self.search(&surroundings, candidate, map);
+        if found.is_empty() {
+            return Vec::new();
+        }
+        self.submap.lay(map, 1.0);
+        let mut fits: Vec<MatchResult> =
+            found.iter().map(|pose| self.refine(&surroundings, pose)).collect();
+        fits.sort_by(|a, b| b.inlier_ratio.total_cmp(&a.inlier_ratio));
+        fits
     }
 
     /// Line points of the query's own local submap, thinned, in the query's frame.
@@ -149,8 +169,20 @@ impl Verifier {
         self.settings.sigmas * std(0).max(std(1))
     }
 
-    /// Share of a patch's sight lines that pass through walls of the submap. People and doors that
-    /// moved while the submap was made are seen through by its own patches as well.
+    /// True when more of the query's sight lines pass through walls than people and doors explain
+    /// that moved while the submap was made: its own patches see through those as well.
+    fn looks_through_walls(
+        &self,
+        query: PatchId,
+        pose: &Pose2,
+        candidate: &Candidate,
+        map: &Map,
+    ) -> bool {
+        let usual = self.seen_through(candidate.patch, &Pose2::IDENTITY, map);
+        self.seen_through(query, pose, map) > self.settings.seen_through + usual
+    }
+
+    /// Share of a patch's sight lines that pass through walls of the submap.
     fn seen_through(&self, patch: PatchId, anchor_from_patch: &Pose2, map: &Map) -> f64 {
         let laser = map.manifold.patch(patch).base_from_laser;
         self.submap.seen_through(map.surface(patch), anchor_from_patch, &laser)
