@@ -77,8 +77,8 @@ impl Verifier {
         Ok(closure)
     }
 
-    /// Poses seen from the candidate where the query fits to a share of `enough` at least, and looks
-    /// through no walls.
+    /// Poses seen from the candidate where the query fits to a share of `enough` at least, and
+    /// looks through no walls.
     pub fn possible(
         &mut self,
         query: PatchId,
