@@ -1,4 +1,4 @@
-use crate::surfel_field::Surfel;
+use crate::surfel::Surfel;
 use crate::{LinePoint, SurfelField};
 use geometry::Pose2;
 

@@ -1,5 +1,7 @@
 use crate::LinePoint;
+use crate::disk::Disk;
 use crate::normal_equations::{LANES, Turned};
+use crate::surfel::{Moments, Surfel};
 use geometry::Pose2;
 use serde::{Deserialize, Serialize};
 
@@ -14,9 +16,6 @@ const MOST_SURFELS: usize = u16::MAX as usize;
 /// A surfel also enters the neighbouring layer when its normal has at least this component along
 /// that layer's axis (75 degrees), so that a normal near a layer's border finds it from both sides.
 const NEIGHBOUR_LAYER_COMPONENT: f32 = 0.26;
-
-/// Normals are never taken for worse than this (18 degrees), rad^2.
-const LARGEST_NORMAL_VARIANCE: f32 = 0.1;
 
 /// Size of a [`SurfelField`]'s cells and how far a surfel is felt.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,37 +34,6 @@ impl Default for FieldSettings {
     fn default() -> Self {
         FieldSettings { cell_m: 0.1, reach_m: 0.5, roughness_m: 0.01 }
     }
-}
-
-/// The tangent line of a small piece of surface, as the matcher reads it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Surfel {
-    /// Unit normal, towards the side it was seen from.
-    pub nx: f32,
-    pub ny: f32,
-    /// The line is `nx x + ny y = offset`.
-    pub offset: f32,
-    /// Variance of the line's position along its normal, m^2.
-    pub variance: f32,
-    /// Variance of the normal's direction, rad^2.
-    pub normal_variance: f32,
-}
-
-impl Surfel {
-    /// Stands for "no surfel in reach": agrees with no normal.
-    pub const ABSENT: Surfel =
-        Surfel { nx: 0.0, ny: 0.0, offset: 0.0, variance: 1.0, normal_variance: 0.0 };
-}
-
-/// Sums over the points of one surfel.
-#[derive(Clone, Copy, Debug, Default)]
-struct Moments {
-    weight: f32,
-    x: f32,
-    y: f32,
-    nx: f32,
-    ny: f32,
-    normal_weight: f32,
 }
 
 /// A map of surfels with, for every cell around them, the nearest one: the reference of the fast
@@ -300,21 +268,6 @@ impl SurfelField {
     }
 }
 
-impl Moments {
-    fn line(&self, roughness_m: f32) -> Surfel {
-        let inverse = 1.0 / self.weight;
-        let norm = 1.0 / (self.nx * self.nx + self.ny * self.ny).sqrt().max(1e-12);
-        let (nx, ny) = (self.nx * norm, self.ny * norm);
-        Surfel {
-            nx,
-            ny,
-            offset: (nx * self.x + ny * self.y) * inverse,
-            variance: inverse + roughness_m * roughness_m,
-            normal_variance: (1.0 / self.normal_weight).min(LARGEST_NORMAL_VARIANCE),
-        }
-    }
-}
-
 /// The layer of a normal: the axis direction it is nearest to.
 #[inline]
 fn layer_of(nx: f32, ny: f32) -> usize {
@@ -339,33 +292,4 @@ fn is_home(cell: u32) -> bool {
 /// The index of a cell's nearest surfel; no surfel's for an empty cell.
 fn index_in(cell: u32) -> usize {
     (cell & 0xffff) as usize
-}
-
-/// The cells within reach of a surfel, row by row, with their squared distances.
-#[derive(Clone, Debug)]
-struct Disk {
-    radius: usize,
-    /// Half the width of each row.
-    half_widths: Vec<usize>,
-    /// `[row][column]` over the square around the disk.
-    squares: Vec<u32>,
-}
-
-impl Disk {
-    fn new(reach: f32) -> Self {
-        let reach = reach.clamp(1.0, 15.0);
-        let radius = reach.floor() as usize;
-        let side = 2 * radius + 1;
-        let square = |i: usize| (i.abs_diff(radius) * i.abs_diff(radius)) as u32;
-        let width = |v: usize| (reach * reach - square(v) as f32).max(0.0).sqrt().floor() as usize;
-        let squares = (0..side * side).map(|i| square(i / side) + square(i % side)).collect();
-        Disk { radius, half_widths: (0..side).map(width).collect(), squares }
-    }
-
-    /// Rows of the disk: index from the top, half width, squared distances over the whole side.
-    fn rows(&self) -> impl Iterator<Item = (usize, usize, &[u32])> {
-        let side = 2 * self.radius + 1;
-        let rows = self.half_widths.iter().zip(self.squares.chunks(side));
-        rows.enumerate().map(|(v, (&half, squares))| (v, half, squares))
-    }
 }
