@@ -1,5 +1,6 @@
 use crate::{
-    BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, Matcher, WsmMatcher, WsmSettings,
+    BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher, IcpMatcher, Matcher,
+    PlIcpMatcher, WsmMatcher, WsmSettings,
 };
 use serde::{Deserialize, Serialize};
 
@@ -7,6 +8,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MatcherKind {
+    /// Plain point-to-point ICP.
+    Icp,
+    /// ICP across the reference's lines.
+    #[serde(rename = "plicp")]
+    PlIcp,
+    /// Generalised ICP, plane to plane.
+    Gicp,
     /// The Weighted Scan Matcher with a calibrated covariance.
     Wsm,
     /// The Weighted Scan Matcher as the thesis has it.
@@ -21,7 +29,10 @@ pub enum MatcherKind {
 }
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 5] = [
+pub const MATCHER_NAMES: [&str; 8] = [
+    MatcherKind::Icp.name(),
+    MatcherKind::PlIcp.name(),
+    MatcherKind::Gicp.name(),
     MatcherKind::Wsm.name(),
     MatcherKind::WsmThesis.name(),
     MatcherKind::Fast.name(),
@@ -32,6 +43,9 @@ pub const MATCHER_NAMES: [&str; 5] = [
 impl MatcherKind {
     /// All of them, in the order of [`MATCHER_NAMES`].
     pub const ALL: [MatcherKind; MATCHER_NAMES.len()] = [
+        MatcherKind::Icp,
+        MatcherKind::PlIcp,
+        MatcherKind::Gicp,
         MatcherKind::Wsm,
         MatcherKind::WsmThesis,
         MatcherKind::Fast,
@@ -42,6 +56,9 @@ impl MatcherKind {
     /// The name on the command line and in the configuration.
     pub const fn name(self) -> &'static str {
         match self {
+            MatcherKind::Icp => "icp",
+            MatcherKind::PlIcp => "plicp",
+            MatcherKind::Gicp => "gicp",
             MatcherKind::Wsm => "wsm",
             MatcherKind::WsmThesis => "wsm-thesis",
             MatcherKind::Fast => "fast",
@@ -58,6 +75,9 @@ impl MatcherKind {
     /// The matcher with its default settings.
     pub fn build(self) -> Box<dyn Matcher> {
         match self {
+            MatcherKind::Icp => Box::new(IcpMatcher::default()),
+            MatcherKind::PlIcp => Box::new(PlIcpMatcher::default()),
+            MatcherKind::Gicp => Box::new(GicpMatcher::default()),
             MatcherKind::Wsm => Box::new(WsmMatcher::default()),
             MatcherKind::WsmThesis => Box::new(WsmMatcher { settings: WsmSettings::thesis() }),
             MatcherKind::Fast => Box::new(FieldMatcher::default()),

@@ -1,0 +1,85 @@
+use super::ClosestSettings;
+use crate::{CloudPoint, NeighbourTree, PointCloud};
+use geometry::{Matrix2, Pose2, Vector2};
+
+/// A scan point and the reference point closest to it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ClosestPair {
+    pub reference: CloudPoint,
+    pub scan: CloudPoint,
+    /// Index of the reference point.
+    pub reference_index: usize,
+    /// Index of the scan point.
+    pub scan_index: usize,
+    /// From the scan point, moved, to the reference point, in the reference frame.
+    pub residual: Vector2<f64>,
+    /// Information of the residual.
+    pub weight: Matrix2<f64>,
+    /// The weighted square of the residual, by which bad pairs are told.
+    pub error: f64,
+}
+
+impl ClosestPair {
+    /// Whether both points can lie on the same surface, as far as their normals are known.
+    pub fn normals_agree(&self, rotation: &Matrix2<f64>, normal_cos: f64) -> bool {
+        match (self.reference.normal, self.scan.normal) {
+            (Some(a), Some(b)) => a.dot(&(rotation * b)) >= normal_cos,
+            _ => true,
+        }
+    }
+
+    /// Takes a weight; false if it is none, or says nothing finite.
+    pub fn weigh(&mut self, weight: Option<Matrix2<f64>>) -> bool {
+        let Some(weight) = weight else { return false };
+        self.weight = weight;
+        self.error = self.residual.dot(&(weight * self.residual));
+        self.error.is_finite() && weight.iter().all(|v| v.is_finite())
+    }
+}
+
+/// Pairs within the gate, in the order of the scan's points; not weighed yet.
+pub(crate) fn closest_pairs(
+    reference: &PointCloud,
+    scan: &PointCloud,
+    tree: &NeighbourTree,
+    pose: &Pose2,
+    gate_m: f64,
+) -> Vec<ClosestPair> {
+    let pair = |(scan_index, &scan): (usize, &CloudPoint)| {
+        let moved = pose.transform(scan.position);
+        let (reference_index, _) = tree.nearest(moved, gate_m * gate_m)?;
+        let reference = reference.points[reference_index];
+        let residual = reference.position - moved;
+        let weight = Matrix2::zeros();
+        Some(ClosestPair {
+            reference,
+            scan,
+            reference_index,
+            scan_index,
+            residual,
+            weight,
+            error: 0.0,
+        })
+    };
+    scan.points.iter().enumerate().filter_map(pair).collect()
+}
+
+/// Keeps the share of pairs with the smallest errors, and of those the ones not far beyond the
+/// quantile (Censi, "An ICP variant using a point-to-line metric", ICRA 2008, section III). Equal
+/// errors stay or go together, so that the order of points does not matter.
+pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSettings) {
+    if pairs.is_empty() {
+        return;
+    }
+    let mut errors: Vec<f64> = pairs.iter().map(|pair| pair.error).collect();
+    errors.sort_by(f64::total_cmp);
+    let quantile = |share: f64| {
+        let last = errors.len() - 1;
+        errors[((share.clamp(0.0, 1.0) * errors.len() as f64) as usize).min(last)]
+    };
+    // Errors are squares, and so is the factor on their roots.
+    let adaptive = settings.adaptive_factor.powi(2) * quantile(settings.adaptive_quantile);
+    let most =
+        quantile(settings.keep).min(if adaptive.is_nan() { f64::INFINITY } else { adaptive });
+    pairs.retain(|pair| pair.error <= most);
+}
