@@ -1,7 +1,7 @@
 use crate::map::Map;
 use geometry::{Pose2, Vector2};
 use manifold::{PatchId, SubmapLimits};
-use matching::{FieldSettings, LinePoint, SurfelField};
+use matching::{FieldSettings, LikelihoodPyramid, LikelihoodSettings, LinePoint, SurfelField};
 
 /// One sight line in so many is looked along, ...
 const SIGHT_LINES_STEP: usize = 3;
@@ -48,15 +48,19 @@ impl ActiveSubmap {
         lay_field(&mut self.field, map, &self.members, margin_m);
     }
 
-    /// The positions of all points of the members, in the anchor's frame.
-    pub fn positions<'a>(&'a self, map: &'a Map) -> impl Iterator<Item = Vector2<f64>> + 'a {
-        self.members.iter().flat_map(|(patch, pose)| {
+    /// What wide searches look in: all points of the members, in the anchor's frame, blurred by
+    /// what the submap is bent.
+    pub fn pyramid(&self, map: &Map) -> LikelihoodPyramid {
+        let positions = self.members.iter().flat_map(|(patch, pose)| {
             let mover = LinePoint::mover(pose);
             map.surface(*patch).iter().map(move |p| {
                 let moved = mover(p);
                 Vector2::new(moved.x.into(), moved.y.into())
             })
-        })
+        });
+        let grid =
+            LikelihoodSettings { cell_m: 0.1, sigma_m: 0.12, ..LikelihoodSettings::default() };
+        LikelihoodPyramid::from_points(positions, &grid)
     }
 
     /// Share of a scan's sight lines that pass through a wall of the submap when the scan is at

@@ -3,10 +3,7 @@ use crate::map::Map;
 use crate::plausibility::Plausibility;
 use crate::{ExtensionSettings, SlamConfig};
 use geometry::{GaussianPose2, Pose2, Vector2};
-use matching::{
-    FastMatcher, LikelihoodPyramid, LikelihoodSettings, LinePoint, MatchResult, Prior,
-    SearchSettings, SearchWindow,
-};
+use matching::{FastMatcher, LinePoint, MatchResult, Prior, SearchSettings, SearchWindow};
 use std::f64::consts::PI;
 
 /// Finds a scan that does not fit where it was expected: odometry may have slipped, frozen or
@@ -81,9 +78,7 @@ impl Recovery {
         first: MatchResult,
         plausibility: &Plausibility,
     ) -> MatchResult {
-        let grid =
-            LikelihoodSettings { cell_m: 0.1, sigma_m: 0.12, ..LikelihoodSettings::default() };
-        let pyramid = LikelihoodPyramid::from_points(submap.positions(map), &grid);
+        let pyramid = submap.pyramid(map);
         let points: Vec<Vector2<f32>> =
             scan.iter().step_by(THINNING).map(|p| Vector2::new(p.x, p.y)).collect();
         let settings = SearchSettings {

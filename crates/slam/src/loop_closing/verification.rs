@@ -5,10 +5,7 @@ use crate::active_submap::ActiveSubmap;
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2, Vector2};
 use manifold::{PatchId, SubmapLimits};
-use matching::{
-    FastMatcher, LikelihoodPyramid, LikelihoodSettings, LinePoint, MatchResult, Prior,
-    SearchSettings, SearchWindow,
-};
+use matching::{FastMatcher, LinePoint, MatchResult, Prior, SearchSettings, SearchWindow};
 use std::f64::consts::PI;
 
 /// Compares the surroundings of a query with a candidate's local submap.
@@ -138,9 +135,7 @@ impl Verifier {
         let window = SearchWindow { centre, half_x_m: half_m, half_y_m: half_m, half_yaw_rad };
         let points: Vec<Vector2<f32>> =
             surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
-        let grid =
-            LikelihoodSettings { cell_m: 0.1, sigma_m: 0.12, ..LikelihoodSettings::default() };
-        let pyramid = LikelihoodPyramid::from_points(self.submap.positions(map), &grid);
+        let pyramid = self.submap.pyramid(map);
         let settings = SearchSettings {
             min_score: s.min_score,
             candidates: RIVALS,
