@@ -29,24 +29,25 @@ pub struct GicpMatcher {
     pub settings: GicpSettings,
 }
 
-struct PlaneToPlane {
-    flatness: f64,
-}
-
-impl PlaneToPlane {
+impl GicpMatcher {
     /// Covariance of a point by its surface; the same all ways where that is not known.
-    fn shape(&self, point: &CloudPoint) -> Matrix2<f64> {
+    pub(crate) fn shape(point: &CloudPoint, flatness: f64) -> Matrix2<f64> {
         match point.normal {
-            Some(n) => Matrix2::identity() - n * n.transpose() * (1.0 - self.flatness),
+            Some(n) => Matrix2::identity() - n * n.transpose() * (1.0 - flatness),
             None => Matrix2::identity(),
         }
     }
 }
 
+struct PlaneToPlane {
+    flatness: f64,
+}
+
 impl PairWeight for PlaneToPlane {
     fn of(&self, pair: &ClosestPair, rotation: &Matrix2<f64>) -> Option<Matrix2<f64>> {
-        let moved = rotation * self.shape(&pair.scan) * rotation.transpose();
-        (self.shape(&pair.reference) + moved).try_inverse()
+        let [reference, scan] =
+            [&pair.reference, &pair.scan].map(|point| GicpMatcher::shape(point, self.flatness));
+        (reference + rotation * scan * rotation.transpose()).try_inverse()
     }
 }
 

@@ -43,6 +43,7 @@ mod registry;
 mod search;
 mod surfel;
 mod surfel_field;
+mod vgicp;
 mod wide;
 mod wsm;
 
@@ -65,5 +66,6 @@ pub use plicp::PlIcpMatcher;
 pub use registry::{MATCHER_NAMES, MatcherKind, matcher};
 pub use search::{Candidate, SearchOutcome, SearchSettings, SearchWindow};
 pub use surfel_field::{FieldSettings, SurfelField};
+pub use vgicp::{VgicpMatcher, VgicpSettings};
 pub use wide::WideSettings;
 pub use wsm::{WsmCovariance, WsmMatcher, WsmSettings};

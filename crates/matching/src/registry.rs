@@ -1,6 +1,6 @@
 use crate::{
     BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher, IcpMatcher, Matcher,
-    PlIcpMatcher, WsmMatcher, WsmSettings,
+    PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
 };
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,8 @@ pub enum MatcherKind {
     PlIcp,
     /// Generalised ICP, plane to plane.
     Gicp,
+    /// Generalised ICP against averages in voxels.
+    Vgicp,
     /// The Weighted Scan Matcher with a calibrated covariance.
     Wsm,
     /// The Weighted Scan Matcher as the thesis has it.
@@ -29,10 +31,11 @@ pub enum MatcherKind {
 }
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 8] = [
+pub const MATCHER_NAMES: [&str; 9] = [
     MatcherKind::Icp.name(),
     MatcherKind::PlIcp.name(),
     MatcherKind::Gicp.name(),
+    MatcherKind::Vgicp.name(),
     MatcherKind::Wsm.name(),
     MatcherKind::WsmThesis.name(),
     MatcherKind::Fast.name(),
@@ -46,6 +49,7 @@ impl MatcherKind {
         MatcherKind::Icp,
         MatcherKind::PlIcp,
         MatcherKind::Gicp,
+        MatcherKind::Vgicp,
         MatcherKind::Wsm,
         MatcherKind::WsmThesis,
         MatcherKind::Fast,
@@ -59,6 +63,7 @@ impl MatcherKind {
             MatcherKind::Icp => "icp",
             MatcherKind::PlIcp => "plicp",
             MatcherKind::Gicp => "gicp",
+            MatcherKind::Vgicp => "vgicp",
             MatcherKind::Wsm => "wsm",
             MatcherKind::WsmThesis => "wsm-thesis",
             MatcherKind::Fast => "fast",
@@ -78,6 +83,7 @@ impl MatcherKind {
             MatcherKind::Icp => Box::new(IcpMatcher::default()),
             MatcherKind::PlIcp => Box::new(PlIcpMatcher::default()),
             MatcherKind::Gicp => Box::new(GicpMatcher::default()),
+            MatcherKind::Vgicp => Box::new(VgicpMatcher::default()),
             MatcherKind::Wsm => Box::new(WsmMatcher::default()),
             MatcherKind::WsmThesis => Box::new(WsmMatcher { settings: WsmSettings::thesis() }),
             MatcherKind::Fast => Box::new(FieldMatcher::default()),

@@ -47,8 +47,12 @@ fn tree_equals_brute_force() {
 #[test]
 fn identical_scans_are_at_the_identity() {
     for matcher in matchers() {
-        // The fast matcher's surfels are averages over 10 cm, not the points themselves.
-        let (metres, radians) = if matcher.name() == "fast" { (2e-3, 4e-4) } else { (2e-4, 1e-4) };
+        // Surfels are averages over 10 cm, voxels over half a metre, not the points themselves.
+        let (metres, radians) = match matcher.name() {
+            "fast" => (2e-3, 4e-4),
+            "vgicp" => (4e-3, 1.5e-3),
+            _ => (2e-4, 1e-4),
+        };
         for seed in 0..5 {
             let scan = cloud(&pair(seed, 0.3, 10.0).scan);
             let result = matcher.align(&scan, &scan, &Prior::guess(Pose2::new(0.05, -0.04, 0.03)));
@@ -68,8 +72,12 @@ fn moving_both_clouds_moves_the_answer() {
     let reference_motion = Pose2::new(3.0, -1.0, 0.4);
     let scan_motion = Pose2::new(-0.5, 2.0, -0.8);
     for matcher in matchers() {
-        // Pairs at a gate may fall either way, and the fast matcher's cells lie differently.
-        let (metres, radians) = if matcher.name() == "fast" { (6e-3, 2e-3) } else { (1e-3, 2e-4) };
+        // Pairs at a gate may fall either way, and cells and voxels lie differently.
+        let (metres, radians) = match matcher.name() {
+            "fast" => (6e-3, 2e-3),
+            "vgicp" => (8e-3, 2e-3),
+            _ => (1e-3, 2e-4),
+        };
         for seed in 0..8 {
             let pair = pair(seed, 0.25, 8.0);
             let (a, b) = (cloud(&pair.reference), cloud(&pair.scan));
@@ -141,7 +149,7 @@ fn a_corridor_leaves_its_axis_open() {
     for yaw in [0.0, 0.3, 1.2] {
         let a = cloud(&scanner.scan(&world, &Pose2::new(0.0, 0.1, yaw), &mut rng));
         let b = cloud(&scanner.scan(&world, &Pose2::new(0.05, 0.15, yaw + 0.02), &mut rng));
-        for name in ["wsm", "plicp", "gicp"] {
+        for name in ["wsm", "plicp", "gicp", "vgicp"] {
             let matcher = manifoldslam_matching::matcher(name).expect("a registered name");
             let result = matcher.align(&a, &b, &Prior::guess(Pose2::IDENTITY));
             let MatchStatus::Degenerate { weak_axis } = result.status else {

@@ -1,0 +1,130 @@
+use crate::closest::{ClosestPair, ClosestPoints, ClosestSettings, PairWeight, RangeErrors};
+use crate::{CloudPoint, GicpMatcher, MatchResult, Matcher, PointCloud, Prior};
+use geometry::{Matrix2, Vector2};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Settings of [`VgicpMatcher`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VgicpSettings {
+    /// What all matchers of closest points share.
+    pub closest: ClosestSettings,
+    /// Side of a voxel, metres.
+    pub voxel_m: f64,
+    /// Variance of a point across its surface, as a share of that along it.
+    pub flatness: f64,
+}
+
+impl Default for VgicpSettings {
+    fn default() -> Self {
+        let voxel_m = 0.5;
+        let closest = ClosestSettings {
+            // A point may lie anywhere in its voxel.
+            gate_end_m: voxel_m,
+            normal_cos: 0.5,
+            adaptive_factor: 3.0,
+            ..ClosestSettings::default()
+        };
+        VgicpSettings { closest, voxel_m, flatness: 1e-3 }
+    }
+}
+
+/// Voxelised GICP in the plane (Koide, Yokozuka, Oishi, Banno, "Voxelized GICP for fast and
+/// accurate 3D point cloud registration", ICRA 2021): the reference's points are averaged in
+/// voxels, and each scan point is compared with a voxel's mean and mean covariance.
+///
+/// The voxel is that of the nearest mean, not the one the point falls into: a pose next to a
+/// voxel's border does not change its pairs by moving over it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct VgicpMatcher {
+    /// The settings.
+    pub settings: VgicpSettings,
+}
+
+/// The reference's voxels: a point each, and the mean covariance of what it stands for.
+struct Voxels {
+    cloud: PointCloud,
+    shapes: Vec<Matrix2<f64>>,
+    flatness: f64,
+}
+
+#[derive(Default)]
+struct Sum {
+    count: f64,
+    position: Vector2<f64>,
+    ray: Vector2<f64>,
+    range: f64,
+    normal: Vector2<f64>,
+    normal_information: f64,
+    shape: Matrix2<f64>,
+}
+
+impl Voxels {
+    fn new(reference: &PointCloud, settings: &VgicpSettings) -> Self {
+        let side = settings.voxel_m.max(1e-3);
+        let mut sums: BTreeMap<(i64, i64), Sum> = BTreeMap::new();
+        for point in &reference.points {
+            let p = point.position / side;
+            if !(p.x.abs() < 1e9 && p.y.abs() < 1e9) {
+                continue;
+            }
+            let voxel = sums.entry((p.x.floor() as i64, p.y.floor() as i64)).or_default();
+            voxel.add(point, settings.flatness);
+        }
+        let points = sums.values().map(Sum::point).collect();
+        let shapes = sums.values().map(|sum| sum.shape / sum.count).collect();
+        Voxels { cloud: PointCloud { points }, shapes, flatness: settings.flatness }
+    }
+}
+
+impl Sum {
+    fn add(&mut self, point: &CloudPoint, flatness: f64) {
+        self.count += 1.0;
+        self.position += point.position;
+        self.ray += point.ray;
+        self.range += point.range;
+        self.shape += GicpMatcher::shape(point, flatness);
+        if let Some(normal) = point.normal {
+            let information = 1.0 / point.normal_variance.max(1e-6);
+            self.normal += normal * information;
+            self.normal_information += information;
+        }
+    }
+
+    /// The voxel as a point: its ray is as much shorter as the mean's error is smaller.
+    fn point(&self) -> CloudPoint {
+        CloudPoint {
+            position: self.position / self.count,
+            ray: self.ray / self.count.powf(1.5),
+            range: self.range / self.count,
+            normal: self.normal.try_normalize(1e-9),
+            normal_variance: 1.0 / self.normal_information.max(1e-9),
+            line_distance: 0.0,
+            beam_step: 0.0,
+            beam: 0,
+        }
+    }
+}
+
+impl PairWeight for Voxels {
+    fn of(&self, pair: &ClosestPair, rotation: &Matrix2<f64>) -> Option<Matrix2<f64>> {
+        let scan = GicpMatcher::shape(&pair.scan, self.flatness);
+        let moved = rotation * scan * rotation.transpose();
+        (self.shapes[pair.reference_index] + moved).try_inverse()
+    }
+}
+
+impl Matcher for VgicpMatcher {
+    fn name(&self) -> &'static str {
+        "vgicp"
+    }
+
+    fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
+        let voxels = Voxels::new(reference, &self.settings);
+        let closest = &self.settings.closest;
+        let errors = RangeErrors { range_std_m: closest.range_std_m };
+        ClosestPoints::new(closest, &voxels, &voxels.cloud, scan)
+            .align(prior, |here, pose| errors.covariance(here, pose))
+    }
+}
