@@ -6,8 +6,8 @@
 mod pairs;
 mod uncertainty;
 
-use crate::{MatchResult, MatchStatus, NeighbourTree, PointCloud, Prior};
-use geometry::{LieGroup, Matrix2, Matrix3, Pose2, Vector3};
+use crate::{CloudPoint, MatchResult, MatchStatus, NeighbourTree, PointCloud, Prior};
+use geometry::{LieGroup, Matrix2, Matrix3, Pose2, Vector2, Vector3};
 use nalgebra::Matrix2x3;
 pub(crate) use pairs::ClosestPair;
 use pairs::{closest_pairs, drop_worst};
@@ -89,26 +89,41 @@ pub(crate) trait PairWeight: Sync {
     fn of(&self, pair: &ClosestPair, rotation: &Matrix2<f64>) -> Option<Matrix2<f64>>;
 }
 
-/// An iteration over two clouds.
-pub(crate) struct ClosestPoints<'a, W> {
-    pub settings: &'a ClosestSettings,
-    pub weight: &'a W,
+/// What of the reference a scan point is compared with.
+pub(crate) trait Correspondence: Sync {
+    /// The reference's index and the point itself, if there is one within the gate.
+    fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<(usize, CloudPoint)>;
+}
+
+/// The nearest of the reference's points.
+pub(crate) struct NearestPoint<'a> {
     reference: &'a PointCloud,
-    scan: &'a PointCloud,
     tree: NeighbourTree,
 }
 
-impl<'a, W: PairWeight> ClosestPoints<'a, W> {
-    pub fn new(
-        settings: &'a ClosestSettings,
-        weight: &'a W,
-        reference: &'a PointCloud,
-        scan: &'a PointCloud,
-    ) -> Self {
+impl<'a> NearestPoint<'a> {
+    pub fn of(reference: &'a PointCloud) -> Self {
         let tree = NeighbourTree::new(reference.points.iter().map(|p| p.position));
-        ClosestPoints { settings, weight, reference, scan, tree }
+        NearestPoint { reference, tree }
     }
+}
 
+impl Correspondence for NearestPoint<'_> {
+    fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<(usize, CloudPoint)> {
+        let (index, _) = self.tree.nearest(*moved, gate_m * gate_m)?;
+        Some((index, self.reference.points[index]))
+    }
+}
+
+/// An iteration over two clouds.
+pub(crate) struct ClosestPoints<'a, C, W> {
+    pub settings: &'a ClosestSettings,
+    pub correspondence: &'a C,
+    pub weight: &'a W,
+    pub scan: &'a PointCloud,
+}
+
+impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
     /// Finds `reference_from_scan`; `covariance` tells that of the outcome as a right perturbation.
     pub fn align(
         &self,
@@ -169,7 +184,7 @@ impl<'a, W: PairWeight> ClosestPoints<'a, W> {
         let (sin, cos) = pose.yaw.sin_cos();
         let rotation = Matrix2::new(cos, -sin, sin, cos);
         let s = self.settings;
-        let mut pairs = closest_pairs(self.reference, self.scan, &self.tree, pose, gate_m);
+        let mut pairs = closest_pairs(self.correspondence, self.scan, pose, gate_m);
         pairs.retain_mut(|pair| {
             let agree = pair.normals_agree(&rotation, s.normal_cos);
             pair.weigh(self.weight.of(pair, &rotation).filter(|_| agree))

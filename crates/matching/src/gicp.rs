@@ -1,4 +1,6 @@
-use crate::closest::{ClosestPair, ClosestPoints, ClosestSettings, PairWeight, RangeErrors};
+use crate::closest::{
+    ClosestPair, ClosestPoints, ClosestSettings, NearestPoint, PairWeight, RangeErrors,
+};
 use crate::{CloudPoint, MatchResult, Matcher, PointCloud, Prior};
 use geometry::Matrix2;
 use serde::{Deserialize, Serialize};
@@ -60,7 +62,8 @@ impl Matcher for GicpMatcher {
         let GicpSettings { closest, flatness } = &self.settings;
         let weight = PlaneToPlane { flatness: *flatness };
         let errors = RangeErrors { range_std_m: closest.range_std_m };
-        ClosestPoints::new(closest, &weight, reference, scan)
+        let correspondence = &NearestPoint::of(reference);
+        ClosestPoints { settings: closest, correspondence, weight: &weight, scan }
             .align(prior, |here, pose| errors.covariance(here, pose))
     }
 }

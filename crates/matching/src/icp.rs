@@ -1,4 +1,6 @@
-use crate::closest::{ClosestPair, ClosestPoints, ClosestSettings, PairWeight, sliding_covariance};
+use crate::closest::{
+    ClosestPair, ClosestPoints, ClosestSettings, NearestPoint, PairWeight, sliding_covariance,
+};
 use crate::{MatchResult, Matcher, PointCloud, Prior};
 use geometry::Matrix2;
 
@@ -36,7 +38,9 @@ impl Matcher for IcpMatcher {
     }
 
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
-        ClosestPoints::new(&self.settings, &AllWaysAlike, reference, scan)
+        let correspondence = &NearestPoint::of(reference);
+        let settings = &self.settings;
+        ClosestPoints { settings, correspondence, weight: &AllWaysAlike, scan }
             .align(prior, sliding_covariance)
     }
 }

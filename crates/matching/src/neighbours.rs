@@ -54,6 +54,33 @@ impl NeighbourTree {
         (search.index != u32::MAX).then(|| (search.index as usize, f64::from(search.best)))
     }
 
+    /// Calls `visit` with the index of every point at a squared distance of `radius_squared` at
+    /// most, in no particular order.
+    pub fn within(&self, query: Vector2<f64>, radius_squared: f64, mut visit: impl FnMut(usize)) {
+        let (x, y, radius2) = (query.x as f32, query.y as f32, radius_squared as f32);
+        if !(x.is_finite() && y.is_finite()) {
+            return;
+        }
+        let mut open: Vec<(usize, &[Entry])> = vec![(0, &self.points)];
+        while let Some((node, points)) = open.pop() {
+            if points.len() <= LEAF {
+                let near = |e: &&Entry| (e.x - x).powi(2) + (e.y - y).powi(2) <= radius2;
+                points.iter().filter(near).for_each(|e| visit(e.index as usize));
+                continue;
+            }
+            let split = self.splits[node];
+            let beyond = if split.along_y { y } else { x } - split.value;
+            let (left, right) = points.split_at(points.len() / 2);
+            let reaches_over = beyond * beyond <= radius2;
+            if beyond <= 0.0 || reaches_over {
+                open.push((2 * node + 1, left));
+            }
+            if beyond >= 0.0 || reaches_over {
+                open.push((2 * node + 2, right));
+            }
+        }
+    }
+
     /// Searches the points below `node`, whose box is `outside` away from the query along each
     /// axis.
     fn visit(&self, node: usize, points: &[Entry], outside: (f32, f32), search: &mut Search) {

@@ -1,4 +1,6 @@
-use crate::closest::{ClosestPair, ClosestPoints, ClosestSettings, PairWeight, RangeErrors};
+use crate::closest::{
+    ClosestPair, ClosestPoints, ClosestSettings, NearestPoint, PairWeight, RangeErrors,
+};
 use crate::{MatchResult, Matcher, PointCloud, Prior};
 use geometry::Matrix2;
 
@@ -43,7 +45,9 @@ impl Matcher for PlIcpMatcher {
 
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
         let errors = RangeErrors { range_std_m: self.settings.range_std_m };
-        ClosestPoints::new(&self.settings, &AcrossTheLine, reference, scan)
+        let correspondence = &NearestPoint::of(reference);
+        let settings = &self.settings;
+        ClosestPoints { settings, correspondence, weight: &AcrossTheLine, scan }
             .align(prior, |here, pose| errors.covariance(here, pose))
     }
 }

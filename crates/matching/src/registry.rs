@@ -1,6 +1,6 @@
 use crate::{
     BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher, IcpMatcher, Matcher,
-    PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
+    MbIcpMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
 };
 use serde::{Deserialize, Serialize};
 
@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 pub enum MatcherKind {
     /// Plain point-to-point ICP.
     Icp,
+    /// ICP in the metric of motions.
+    #[serde(rename = "mbicp")]
+    MbIcp,
     /// ICP across the reference's lines.
     #[serde(rename = "plicp")]
     PlIcp,
@@ -31,8 +34,9 @@ pub enum MatcherKind {
 }
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 9] = [
+pub const MATCHER_NAMES: [&str; 10] = [
     MatcherKind::Icp.name(),
+    MatcherKind::MbIcp.name(),
     MatcherKind::PlIcp.name(),
     MatcherKind::Gicp.name(),
     MatcherKind::Vgicp.name(),
@@ -47,6 +51,7 @@ impl MatcherKind {
     /// All of them, in the order of [`MATCHER_NAMES`].
     pub const ALL: [MatcherKind; MATCHER_NAMES.len()] = [
         MatcherKind::Icp,
+        MatcherKind::MbIcp,
         MatcherKind::PlIcp,
         MatcherKind::Gicp,
         MatcherKind::Vgicp,
@@ -61,6 +66,7 @@ impl MatcherKind {
     pub const fn name(self) -> &'static str {
         match self {
             MatcherKind::Icp => "icp",
+            MatcherKind::MbIcp => "mbicp",
             MatcherKind::PlIcp => "plicp",
             MatcherKind::Gicp => "gicp",
             MatcherKind::Vgicp => "vgicp",
@@ -81,6 +87,7 @@ impl MatcherKind {
     pub fn build(self) -> Box<dyn Matcher> {
         match self {
             MatcherKind::Icp => Box::new(IcpMatcher::default()),
+            MatcherKind::MbIcp => Box::new(MbIcpMatcher::default()),
             MatcherKind::PlIcp => Box::new(PlIcpMatcher::default()),
             MatcherKind::Gicp => Box::new(GicpMatcher::default()),
             MatcherKind::Vgicp => Box::new(VgicpMatcher::default()),

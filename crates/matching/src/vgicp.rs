@@ -1,4 +1,6 @@
-use crate::closest::{ClosestPair, ClosestPoints, ClosestSettings, PairWeight, RangeErrors};
+use crate::closest::{
+    ClosestPair, ClosestPoints, ClosestSettings, NearestPoint, PairWeight, RangeErrors,
+};
 use crate::{CloudPoint, GicpMatcher, MatchResult, Matcher, PointCloud, Prior};
 use geometry::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
@@ -124,7 +126,8 @@ impl Matcher for VgicpMatcher {
         let voxels = Voxels::new(reference, &self.settings);
         let closest = &self.settings.closest;
         let errors = RangeErrors { range_std_m: closest.range_std_m };
-        ClosestPoints::new(closest, &voxels, &voxels.cloud, scan)
+        let correspondence = &NearestPoint::of(&voxels.cloud);
+        ClosestPoints { settings: closest, correspondence, weight: &voxels, scan }
             .align(prior, |here, pose| errors.covariance(here, pose))
     }
 }

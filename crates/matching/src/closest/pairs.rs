@@ -1,5 +1,5 @@
-use super::ClosestSettings;
-use crate::{CloudPoint, NeighbourTree, PointCloud};
+use super::{ClosestSettings, Correspondence};
+use crate::{CloudPoint, PointCloud};
 use geometry::{Matrix2, Pose2, Vector2};
 
 /// A scan point and the reference point closest to it.
@@ -39,16 +39,14 @@ impl ClosestPair {
 
 /// Pairs within the gate, in the order of the scan's points; not weighed yet.
 pub(crate) fn closest_pairs(
-    reference: &PointCloud,
+    correspondence: &impl Correspondence,
     scan: &PointCloud,
-    tree: &NeighbourTree,
     pose: &Pose2,
     gate_m: f64,
 ) -> Vec<ClosestPair> {
     let pair = |(scan_index, &scan): (usize, &CloudPoint)| {
         let moved = pose.transform(scan.position);
-        let (reference_index, _) = tree.nearest(moved, gate_m * gate_m)?;
-        let reference = reference.points[reference_index];
+        let (reference_index, reference) = correspondence.closest(&moved, gate_m)?;
         let residual = reference.position - moved;
         let weight = Matrix2::zeros();
         Some(ClosestPair {

@@ -23,8 +23,9 @@ impl RangeErrors {
         let mut by_range: BTreeMap<(bool, usize), Vector3<f64>> = BTreeMap::new();
         let (mut answer, mut directions) = (Matrix3::zeros(), Matrix3::zeros());
         for pair in &here.pairs {
-            answer += answering(pair, &pair.weight, &rotation);
-            let weighted = pair.jacobian(&rotation).transpose() * pair.weight;
+            let jacobian = pair.jacobian(&rotation);
+            let weighted = jacobian.transpose() * across(pair, &pair.weight);
+            answer += weighted * jacobian;
             *by_range.entry((false, pair.scan_index)).or_default() +=
                 weighted * rotation * pair.scan.ray;
             *by_range.entry((true, pair.reference_index)).or_default() -=
@@ -48,22 +49,20 @@ pub(crate) fn sliding_covariance(here: &Linearisation, pose: &Pose2) -> Option<M
     let (mut answer, mut spread) = (Matrix3::zeros(), Matrix3::zeros());
     for pair in &here.pairs {
         let jacobian = pair.jacobian(&rotation);
-        answer += answering(pair, &Matrix2::identity(), &rotation);
+        answer += jacobian.transpose() * across(pair, &Matrix2::identity()) * jacobian;
         let gradient = jacobian.transpose() * pair.residual;
         spread += gradient * gradient.transpose();
     }
     sandwich(&answer, &spread)
 }
 
-/// How a pair's gradient answers to a displacement: across the reference's surface only, since
-/// along it the closest point slides with the estimate; all ways where the surface is not known.
-fn answering(pair: &ClosestPair, weight: &Matrix2<f64>, rotation: &Matrix2<f64>) -> Matrix3<f64> {
-    let across = match pair.reference.normal {
+/// What of a pair's weight answers to a displacement: that across the reference's surface, since
+/// along it the closest point slides with the estimate; all of it where the surface is not known.
+fn across(pair: &ClosestPair, weight: &Matrix2<f64>) -> Matrix2<f64> {
+    match pair.reference.normal {
         Some(normal) => normal * normal.transpose() * normal.dot(&(weight * normal)),
         None => *weight,
-    };
-    let jacobian = pair.jacobian(rotation);
-    jacobian.transpose() * across * jacobian
+    }
 }
 
 fn sandwich(answer: &Matrix3<f64>, spread: &Matrix3<f64>) -> Option<Matrix3<f64>> {

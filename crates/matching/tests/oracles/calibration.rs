@@ -2,8 +2,8 @@
 
 use geometry::{LieGroup, Pose2};
 use manifoldslam_matching::{
-    GicpMatcher, Matcher, PlIcpMatcher, PointCloud, PointCloudSettings, Prior, WsmCovariance,
-    WsmMatcher, WsmSettings,
+    GicpMatcher, Matcher, MbIcpMatcher, PlIcpMatcher, PointCloud, PointCloudSettings, Prior,
+    WsmCovariance, WsmMatcher, WsmSettings,
 };
 use synthetic::{LaserNoise, Scanner, noisy_room_pair};
 
@@ -118,6 +118,9 @@ fn censi_s_covariance_is_honest() {
         check_matcher(&format!("plicp, {case}"), &plicp, std, &scanner, distance, yaw_deg);
         // The directions of both surfaces are fitted, and their errors, which neighbours share, are
         // not in the formula: GICP claims up to half as much again.
+        let mut mbicp = MbIcpMatcher::default();
+        mbicp.settings.closest.range_std_m = std;
+        check_matcher(&format!("mbicp, {case}"), &mbicp, std, &scanner, distance, yaw_deg);
         let mut gicp = GicpMatcher::default();
         gicp.settings.closest.range_std_m = std;
         let ratio = run(&gicp, std, &scanner, distance, yaw_deg).nees_median / MEDIAN;
