@@ -1,6 +1,6 @@
 use crate::{
     BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher, IcpMatcher, Matcher,
-    MbIcpMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
+    MbIcpMatcher, NdtMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
 };
 use serde::{Deserialize, Serialize};
 
@@ -13,6 +13,8 @@ pub enum MatcherKind {
     /// ICP in the metric of motions.
     #[serde(rename = "mbicp")]
     MbIcp,
+    /// The Normal Distributions Transform.
+    Ndt,
     /// ICP across the reference's lines.
     #[serde(rename = "plicp")]
     PlIcp,
@@ -34,9 +36,10 @@ pub enum MatcherKind {
 }
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 10] = [
+pub const MATCHER_NAMES: [&str; 11] = [
     MatcherKind::Icp.name(),
     MatcherKind::MbIcp.name(),
+    MatcherKind::Ndt.name(),
     MatcherKind::PlIcp.name(),
     MatcherKind::Gicp.name(),
     MatcherKind::Vgicp.name(),
@@ -52,6 +55,7 @@ impl MatcherKind {
     pub const ALL: [MatcherKind; MATCHER_NAMES.len()] = [
         MatcherKind::Icp,
         MatcherKind::MbIcp,
+        MatcherKind::Ndt,
         MatcherKind::PlIcp,
         MatcherKind::Gicp,
         MatcherKind::Vgicp,
@@ -67,6 +71,7 @@ impl MatcherKind {
         match self {
             MatcherKind::Icp => "icp",
             MatcherKind::MbIcp => "mbicp",
+            MatcherKind::Ndt => "ndt",
             MatcherKind::PlIcp => "plicp",
             MatcherKind::Gicp => "gicp",
             MatcherKind::Vgicp => "vgicp",
@@ -88,6 +93,7 @@ impl MatcherKind {
         match self {
             MatcherKind::Icp => Box::new(IcpMatcher::default()),
             MatcherKind::MbIcp => Box::new(MbIcpMatcher::default()),
+            MatcherKind::Ndt => Box::new(NdtMatcher::default()),
             MatcherKind::PlIcp => Box::new(PlIcpMatcher::default()),
             MatcherKind::Gicp => Box::new(GicpMatcher::default()),
             MatcherKind::Vgicp => Box::new(VgicpMatcher::default()),

@@ -2,8 +2,8 @@
 
 use geometry::{LieGroup, Pose2};
 use manifoldslam_matching::{
-    GicpMatcher, Matcher, MbIcpMatcher, PlIcpMatcher, PointCloud, PointCloudSettings, Prior,
-    WsmCovariance, WsmMatcher, WsmSettings,
+    GicpMatcher, Matcher, MbIcpMatcher, NdtMatcher, PlIcpMatcher, PointCloud, PointCloudSettings,
+    Prior, WsmCovariance, WsmMatcher, WsmSettings,
 };
 use synthetic::{LaserNoise, Scanner, noisy_room_pair};
 
@@ -116,6 +116,10 @@ fn censi_s_covariance_is_honest() {
         plicp.settings.range_std_m = std;
         let case = format!("{} mm, {beams} beams", 1e3 * std);
         check_matcher(&format!("plicp, {case}"), &plicp, std, &scanner, distance, yaw_deg);
+        let ratio =
+            run(&NdtMatcher::default(), std, &scanner, distance, yaw_deg).nees_median / MEDIAN;
+        println!("ndt, {case}: median NEES {ratio:.2} of its expectation");
+        assert!((0.7..1.5).contains(&ratio), "ndt, {case}: {ratio}");
         // The directions of both surfaces are fitted, and their errors, which neighbours share, are
         // not in the formula: GICP claims up to half as much again.
         let mut mbicp = MbIcpMatcher::default();

@@ -55,6 +55,7 @@ fn identical_scans_are_at_the_identity() {
         // Surfels are averages over 10 cm, voxels over half a metre, not the points themselves.
         let (metres, radians) = match matcher.name() {
             "fast" => (2e-3, 4e-4),
+            "ndt" => (2e-3, 5e-4),
             "vgicp" => (4e-3, 1.5e-3),
             _ => (2e-4, 1e-4),
         };
@@ -79,7 +80,7 @@ fn moving_both_clouds_moves_the_answer() {
     for matcher in matchers() {
         // Pairs at a gate may fall either way, and cells and voxels lie differently.
         let (metres, radians) = match matcher.name() {
-            "fast" => (6e-3, 2e-3),
+            "fast" | "ndt" => (6e-3, 2e-3),
             "vgicp" => (8e-3, 2e-3),
             // Its metric turns about the scan's origin, which is moved here as well.
             "mbicp" => (5e-3, 1.5e-3),
