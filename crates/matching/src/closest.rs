@@ -71,7 +71,7 @@ impl Default for ClosestSettings {
 }
 
 /// Metres that a radian is taken for.
-const ARM_M: f64 = 5.0;
+pub(crate) const ARM_M: f64 = 5.0;
 /// The gate narrows once a step is shorter than this share of it.
 const SETTLED_SHARE: f64 = 0.05;
 
@@ -227,12 +227,12 @@ fn solve(here: &Linearisation, pose: &Pose2, prior: &Prior, ratio: f64) -> Optio
 }
 
 /// Yaw in metres at [`ARM_M`].
-fn scale() -> Matrix3<f64> {
+pub(crate) fn scale() -> Matrix3<f64> {
     Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 1.0 / ARM_M))
 }
 
 /// The direction that is hardly observed, if there is one.
-fn weak_axis(h: &Matrix3<f64>, ratio: f64) -> Option<Vector3<f64>> {
+pub(crate) fn weak_axis(h: &Matrix3<f64>, ratio: f64) -> Option<Vector3<f64>> {
     let scale = scale();
     let eigen = (scale * h * scale).symmetric_eigen();
     let weakest = eigen.eigenvalues.imin();

@@ -143,7 +143,7 @@ const COARSE_STEP: usize = 3;
 const COARSE_FROM: usize = 90;
 
 /// Rotation that takes a right (scan-frame) perturbation to field coordinates.
-fn turn(pose: &Pose2) -> Matrix3<f64> {
+pub(crate) fn turn(pose: &Pose2) -> Matrix3<f64> {
     let (s, c) = pose.yaw.sin_cos();
     Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
 }

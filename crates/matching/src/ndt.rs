@@ -1,5 +1,7 @@
 mod cells;
 
+use crate::closest::{ARM_M, scale, weak_axis};
+use crate::fast::turn;
 use crate::{MatchResult, MatchStatus, Matcher, PointCloud, Prior};
 use cells::Cells;
 use geometry::{LieGroup, Matrix2, Matrix3, Pose2, Vector2, Vector3};
@@ -61,9 +63,6 @@ pub struct NdtMatcher {
     pub settings: NdtSettings,
 }
 
-/// Metres that a radian is taken for.
-const ARM_M: f64 = 5.0;
-
 /// The cost `-sum exp(-r^T B r / 2)` at a pose, its gradient and Hessian by `(x, y, yaw)`.
 #[derive(Clone, Copy, Default)]
 struct Cost {
@@ -113,8 +112,7 @@ impl Cost {
 
     /// The same with a prior, `(x - x_0)^T P (x - x_0) / 2`.
     fn with_prior(mut self, pose: &Pose2, prior: &Prior) -> Self {
-        let (sin, cos) = prior.pose.yaw.sin_cos();
-        let turn = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+        let turn = turn(&prior.pose);
         let information = turn * prior.information * turn.transpose();
         let offset = Vector3::new(
             pose.x - prior.pose.x,
@@ -213,14 +211,12 @@ fn conclude(
     inlier_ratio: f64,
     s: &NdtSettings,
 ) -> MatchResult {
-    let (sin, cos) = pose.yaw.sin_cos();
-    let turn = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+    let turn = turn(&pose);
     let (h, spread) =
         (turn.transpose() * here.h * turn, turn.transpose() * here.spread * turn * 2.0);
-    let scale = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 1.0 / ARM_M));
+    let scale = scale();
     let eigen = (scale * h * scale).symmetric_eigen();
-    let weakest = eigen.eigenvalues.imin();
-    let (least, most) = (eigen.eigenvalues[weakest], eigen.eigenvalues.max());
+    let most = eigen.eigenvalues.max();
     if most <= 0.0 {
         return MatchResult::failed(pose, iterations, MatchStatus::Diverged);
     }
@@ -229,13 +225,10 @@ fn conclude(
         * (eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose())
         * scale;
     let covariance = inverse * spread * inverse;
-    let axis = (scale * eigen.eigenvectors.column(weakest)).normalize();
-    let status = if inlier_ratio < s.min_inlier_ratio {
-        MatchStatus::Diverged
-    } else if least < s.degenerate_ratio * most {
-        MatchStatus::Degenerate { weak_axis: axis }
-    } else {
-        MatchStatus::Converged
+    let status = match weak_axis(&h, s.degenerate_ratio) {
+        _ if inlier_ratio < s.min_inlier_ratio => MatchStatus::Diverged,
+        Some(weak_axis) => MatchStatus::Degenerate { weak_axis },
+        None => MatchStatus::Converged,
     };
     let covariance = 0.5 * (covariance + covariance.transpose());
     MatchResult { pose, covariance, inlier_ratio, iterations, status }

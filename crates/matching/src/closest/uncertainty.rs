@@ -3,20 +3,17 @@ use geometry::{Matrix2, Matrix3, Pose2, Vector3};
 use std::collections::BTreeMap;
 
 /// How errors of the ranges become an error of the pose: `A^-1 (sum s^2 d d^T) A^-1` with `A` the
-/// answer of the cost's gradient to a displacement and `d` the
-/// derivative of the cost's gradient by one range (Censi, "An accurate closed-form estimate of
-/// ICP's covariance", ICRA 2007). A range that several pairs share counts once, with all of them.
-///
-/// Right where the weights look across surfaces. Point-to-point pairs slide along them, and the
-/// estimate is then far too small (Bonnabel, Barczyk, Goulette, ACC 2016).
+/// answer of the cost's gradient to a displacement and `d` its derivative by one range (Censi, "An
+/// accurate closed-form estimate of ICP's covariance", ICRA 2007). A range that several pairs share
+/// counts once, with all of them. Both count only what a weight has across the surface, see
+/// [`across`].
 pub(crate) struct RangeErrors {
     /// Standard deviation of a range, metres.
     pub range_std_m: f64,
 }
 
 impl RangeErrors {
-    /// Covariance of the pose as a right perturbation in the scan's frame; `None` if a direction is
-    /// open.
+    /// Covariance of the pose as a right perturbation in the scan's frame; `None` without pairs.
     pub fn covariance(&self, here: &Linearisation, pose: &Pose2) -> Option<Matrix3<f64>> {
         let (sin, cos) = pose.yaw.sin_cos();
         let rotation = Matrix2::new(cos, -sin, sin, cos);
