@@ -73,7 +73,7 @@ impl FastMatcher {
             iterations += 1;
             let coarse = kernel > 2.0 * s.kernel_end_m && scan.len() >= COARSE_FROM;
             let points = if coarse { &thinned } else { &all };
-            let normal = linearise(field, points, &pose, &s.pair_weights(kernel));
+            let normal = linearise::<false>(field, points, &pose, &s.pair_weights(kernel));
             let Some(step) = solve(&normal, &pose, prior) else {
                 return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints);
             };
@@ -105,7 +105,7 @@ impl FastMatcher {
         iterations: u32,
     ) -> MatchResult {
         let s = &self.settings;
-        let normal = linearise(field, points, &pose, &s.pair_weights(s.kernel_end_m));
+        let normal = linearise::<true>(field, points, &pose, &s.pair_weights(s.kernel_end_m));
         let information = information_in_scan_frame(&normal, &pose);
         let inlier_ratio = f64::from(normal.inliers) / (points.len.max(1) as f64);
         if normal.pairs < 6 {
@@ -129,7 +129,7 @@ impl FastMatcher {
         kernel_m: f32,
     ) -> (Matrix3<f64>, Vector3<f64>, f64) {
         let points = PointBlocks::new(scan.iter());
-        let normal = linearise(field, &points, pose, &self.settings.pair_weights(kernel_m));
+        let normal = linearise::<true>(field, &points, pose, &self.settings.pair_weights(kernel_m));
         let turn = turn(pose);
         let g = corrected(&normal).1;
         let inliers = f64::from(normal.inliers) / (scan.len().max(1) as f64);

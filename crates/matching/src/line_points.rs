@@ -70,6 +70,10 @@ pub struct LineExtractor {
 const LARGEST_END_M: f64 = 0.25;
 /// Variance of a wall's end beside that of where beams meet it, m^2: mixed pixels, rounded edges.
 const END_VARIANCE: f64 = 4e-4;
+/// By this share of its distance a hit is drawn to the line of its neighbourhood. Of 0, 0.5, 0.7 and
+/// 1 this gives the smallest error against submaps (1.263, 1.222, 1.228, 1.242 x the bound); all of
+/// it would round off what is bent.
+const DRAWN_TO_LINE: f64 = 0.5;
 /// A gap of more missing beams than this separates surfaces.
 const BRIDGED_BEAMS: u32 = 1;
 
@@ -193,9 +197,11 @@ impl LineExtractor {
         let along = f64::from(self.noise.range_std_m).powi(2) * cos * cos;
         let sin2 = (1.0 - cos * cos).max(0.0);
         let across = (f64::from(self.noise.bearing_std_rad) * hit.2).powi(2) * sin2;
+        // Its neighbours know where the surface is as well as the hit itself.
+        let drawn = DRAWN_TO_LINE * fit.distance;
         LinePoint {
-            x: hit.0 as f32,
-            y: hit.1 as f32,
+            x: (hit.0 - drawn * fit.normal.0) as f32,
+            y: (hit.1 - drawn * fit.normal.1) as f32,
             nx: nx as f32,
             ny: ny as f32,
             variance: (along + across + 1e-6) as f32,

@@ -1,6 +1,7 @@
-use crate::surfel::Surfel;
+use crate::surfel::{Surfel, UPPER};
 use crate::{LinePoint, SurfelField};
 use geometry::Pose2;
+use pulp::{Simd, WithSimd};
 
 /// Points handled side by side: every operation on a block is a loop over this many lanes, which
 /// the compiler turns into vector instructions.
@@ -91,24 +92,44 @@ pub(crate) struct PairWeights {
 }
 
 /// Linearises the weighted point-to-line cost at `pose`: each point against the surfel nearest to
-/// it, weighted by both variances and a robust kernel.
-pub(crate) fn linearise(
+/// it, weighted by both variances and a robust kernel. Inliers are counted only where asked for.
+///
+/// Compiled for each family of vector instructions and chosen when it runs. Every one of them does
+/// the same operations in the same order, so that all give the same bits.
+pub(crate) fn linearise<const COUNT_INLIERS: bool>(
     field: &SurfelField,
     points: &PointBlocks,
     pose: &Pose2,
     weights: &PairWeights,
 ) -> NormalEquations {
-    let (sin, cos) = pose.yaw.sin_cos();
-    let (sin, cos) = (sin as f32, cos as f32);
-    let (tx, ty) = (pose.x as f32, pose.y as f32);
-    let mut sums = LaneSums::default();
-    for block in &points.blocks {
-        let turned = block.turned(sin, cos);
-        let mut surfels = [Surfel::ABSENT; LANES];
-        field.nearest_of(&turned, tx, ty, &mut surfels);
-        sums.add(&turned, &surfels, (tx, ty), weights);
+    pulp::Arch::new().dispatch(Linearisation::<COUNT_INLIERS> { field, points, pose, weights })
+}
+
+/// The arguments of [`linearise`], for the choice of instructions.
+struct Linearisation<'a, const COUNT_INLIERS: bool> {
+    field: &'a SurfelField,
+    points: &'a PointBlocks,
+    pose: &'a Pose2,
+    weights: &'a PairWeights,
+}
+
+impl<const COUNT_INLIERS: bool> WithSimd for Linearisation<'_, COUNT_INLIERS> {
+    type Output = NormalEquations;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> NormalEquations {
+        let (sin, cos) = self.pose.yaw.sin_cos();
+        let (sin, cos) = (sin as f32, cos as f32);
+        let (tx, ty) = (self.pose.x as f32, self.pose.y as f32);
+        let (field, weights) = (self.field.look_up(tx, ty), *self.weights);
+        let mut sums = LaneSums::default();
+        for block in &self.points.blocks {
+            let turned = block.turned(sin, cos);
+            let surfels = SurfelLanes::of(&field.nearest(&turned));
+            sums.add::<COUNT_INLIERS>(&turned, &surfels, (tx, ty), &weights);
+        }
+        sums.total()
     }
-    sums.total()
 }
 
 /// A block rotated into the field's axes, not yet translated.
@@ -121,7 +142,7 @@ pub(crate) struct Turned {
 }
 
 impl Block {
-    #[inline]
+    #[inline(always)]
     fn turned(&self, sin: f32, cos: f32) -> Turned {
         let mut t = Turned {
             x: [0.0; LANES],
@@ -140,25 +161,59 @@ impl Block {
     }
 }
 
+/// Surfels by component.
+struct SurfelLanes {
+    nx: Lanes,
+    ny: Lanes,
+    offset: Lanes,
+    variance: Lanes,
+    normal_variance: Lanes,
+}
+
+impl SurfelLanes {
+    #[inline(always)]
+    fn of(surfels: &[Surfel; LANES]) -> Self {
+        let mut lanes = SurfelLanes {
+            nx: [0.0; LANES],
+            ny: [0.0; LANES],
+            offset: [0.0; LANES],
+            variance: [0.0; LANES],
+            normal_variance: [0.0; LANES],
+        };
+        for k in 0..LANES {
+            let (normal, line) = (surfels[k].normal, surfels[k].line);
+            let doubt = (line >> 32) as u32;
+            lanes.nx[k] = f32::from_bits(normal as u32);
+            lanes.ny[k] = f32::from_bits((normal >> 32) as u32);
+            lanes.offset[k] = f32::from_bits(line as u32);
+            lanes.variance[k] = f32::from_bits(doubt & UPPER);
+            lanes.normal_variance[k] = f32::from_bits(doubt << 16);
+        }
+        lanes
+    }
+}
+
 impl LaneSums {
-    #[inline]
-    fn add(
+    #[inline(always)]
+    fn add<const COUNT_INLIERS: bool>(
         &mut self,
         p: &Turned,
-        surfels: &[Surfel; LANES],
+        s: &SurfelLanes,
         (tx, ty): (f32, f32),
         weights: &PairWeights,
     ) {
         let kernel2 = weights.kernel_m * weights.kernel_m;
         let inlier2 = weights.inlier_m * weights.inlier_m;
-        for (k, s) in surfels.iter().enumerate() {
-            let r = s.nx * (p.x[k] + tx) + s.ny * (p.y[k] + ty) - s.offset;
-            let alike = p.nx[k] * s.nx + p.ny[k] * s.ny >= weights.normal_cos;
+        for k in 0..LANES {
+            let (nx, ny) = (s.nx[k], s.ny[k]);
+            let r = nx * (p.x[k] + tx) + ny * (p.y[k] + ty) - s.offset[k];
+            let alike = p.nx[k] * nx + p.ny[k] * ny >= weights.normal_cos;
             let used = if alike { 1.0 } else { 0.0 };
-            let ratio = kernel2 / (kernel2 + r * r);
-            let robust = used * ratio * ratio;
-            let w = robust / (s.variance + p.variance[k]);
-            let (jx, jy, jw) = (s.nx, s.ny, s.ny * p.x[k] - s.nx * p.y[k]);
+            // (kernel^2 / (kernel^2 + r^2))^2 / variance, with one division for both.
+            let doubt = kernel2 + r * r;
+            let numerator = if alike { kernel2 * kernel2 } else { 0.0 };
+            let w = numerator / (doubt * doubt * (s.variance[k] + p.variance[k]));
+            let (jx, jy, jw) = (nx, ny, ny * p.x[k] - nx * p.y[k]);
             let (wx, wy, ww) = (w * jx, w * jy, w * jw);
             self.h[0][k] += wx * jx;
             self.h[1][k] += wx * jy;
@@ -169,9 +224,11 @@ impl LaneSums {
             self.g[0][k] += wx * r;
             self.g[1][k] += wy * r;
             self.g[2][k] += ww * r;
-            let explained = inlier2 / (inlier2 + r * r);
-            self.inliers[k] += used * explained * explained;
-            self.pretended[k] += w * s.normal_variance;
+            if COUNT_INLIERS {
+                let explained = inlier2 / (inlier2 + r * r);
+                self.inliers[k] += used * explained * explained;
+            }
+            self.pretended[k] += w * s.normal_variance[k];
             self.pairs[k] += used;
         }
     }
@@ -184,6 +241,56 @@ impl LaneSums {
             inliers: sum(&self.inliers),
             pretended: sum(&self.pretended),
             pairs: sum(&self.pairs) as u32,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::FieldSettings;
+
+    /// A bent wall with ripples, seen from the origin.
+    fn wall(count: usize, phase: f32) -> Vec<LinePoint> {
+        let point = |k: usize| {
+            let angle = -1.5 + 3.0 * k as f32 / count as f32;
+            let range = 4.0 + angle.sin() + 0.01 * (37.0 * angle + phase).sin();
+            let (nx, ny) = ((angle + 0.2).cos(), (angle + 0.2).sin());
+            LinePoint {
+                x: range * angle.cos(),
+                y: range * angle.sin(),
+                nx: -nx,
+                ny: -ny,
+                variance: 1e-4 * (1.5 + angle.cos()),
+                normal_variance: 1e-3,
+            }
+        };
+        (0..count).map(point).collect()
+    }
+
+    /// Vector instructions and plain ones: the same bits, whatever the pose and the number of
+    /// points.
+    #[test]
+    fn all_instruction_sets_give_the_same_bits() {
+        let mut field = SurfelField::new(FieldSettings::default(), (-2.0, -6.0), (6.0, 6.0));
+        field.insert(&wall(900, 0.0), &Pose2::IDENTITY);
+        let weights = PairWeights { kernel_m: 0.1, inlier_m: 0.07, normal_cos: 0.7 };
+        for count in [1, 7, 8, 9, 100, 361] {
+            let points = PointBlocks::new(wall(count, 1.0).iter());
+            for k in 0..40 {
+                let shift = 0.02 * f64::from(k);
+                let pose = Pose2::new(shift - 0.4, 0.3 - shift, 0.03 * f64::from(k) - 0.6);
+                let (field, points, pose, weights) = (&field, &points, &pose, &weights);
+                let plain = Linearisation::<true> { field, points, pose, weights }
+                    .with_simd(pulp::Scalar);
+                let chosen = linearise::<true>(field, points, pose, weights);
+                let bits = |n: &NormalEquations| {
+                    let sums = [n.inliers, n.pretended, n.pairs as f32];
+                    n.h.iter().chain(&n.g).chain(&sums).map(|v| v.to_bits()).collect::<Vec<_>>()
+                };
+                assert_eq!(bits(&plain), bits(&chosen), "{count} points, pose {k}");
+                assert!(count < 100 || plain.pairs > 0);
+            }
         }
     }
 }

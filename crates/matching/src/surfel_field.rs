@@ -1,18 +1,21 @@
 use crate::LinePoint;
 use crate::disk::Disk;
 use crate::normal_equations::{LANES, Turned};
-use crate::surfel::{Moments, Surfel};
+use crate::surfel::{Moments, Surfel, UPPER};
 use geometry::Pose2;
 use serde::{Deserialize, Serialize};
 
 /// Surface orientations are kept apart in this many layers: normals towards +x, +y, -x, -y.
 const LAYERS: usize = 4;
 /// "No surfel in reach": farther than any, and no surfel's index.
-const EMPTY: u32 = u32::MAX;
+const EMPTY: u32 = UPPER;
 /// Squared distance in cells from a cell to those next to it, diagonally too.
 const ADJACENT: u32 = 2;
 /// Most surfels a field can hold.
 const MOST_SURFELS: usize = u16::MAX as usize;
+/// Most cells to a side of a window: with borders and layers 2^23 cells, so that their indices are
+/// exact as `f32`.
+const MOST_CELLS: f64 = 1446.0;
 /// A surfel also enters the neighbouring layer when its normal has at least this component along
 /// that layer's axis (75 degrees), so that a normal near a layer's border finds it from both sides.
 const NEIGHBOUR_LAYER_COMPONENT: f32 = 0.26;
@@ -77,23 +80,32 @@ impl SurfelField {
         field
     }
 
-    /// Empties the field and moves its window, reusing memory.
+    /// Empties the field and moves its window, reusing memory. A window of more than
+    /// [`MOST_CELLS`] to a side keeps its middle.
     pub fn reset(&mut self, min: (f64, f64), max: (f64, f64)) {
         let cell = f64::from(self.settings.cell_m);
-        self.min_x = min.0 as f32;
-        self.min_y = min.1 as f32;
-        self.width = ((max.0 - min.0) / cell).ceil().max(1.0) as usize;
-        self.height = ((max.1 - min.1) / cell).ceil().max(1.0) as usize;
+        let axis = |min: f64, max: f64| {
+            let cells = ((max - min) / cell).ceil().max(1.0);
+            let kept = cells.min(MOST_CELLS);
+            let left_out = 0.5 * (cells - kept) * cell;
+            // One more cell on each side: the border.
+            ((min + left_out - cell) as f32, kept as usize + 2)
+        };
+        (self.min_x, self.width) = axis(min.0, max.0);
+        (self.min_y, self.height) = axis(min.1, max.1);
         let cells = LAYERS * self.width * self.height;
         self.cells.clear();
         self.cells.resize(cells, EMPTY);
         self.surfels.clear();
         self.moments.clear();
+        // Index 0 is that of an empty cell.
+        self.surfels.push(Surfel::ABSENT);
+        self.moments.push(Moments::default());
     }
 
     /// Number of surfels.
     pub fn surfel_count(&self) -> usize {
-        self.surfels.len()
+        self.surfels.len() - 1
     }
 
     /// The settings it was made with.
@@ -118,7 +130,7 @@ impl SurfelField {
         let (id, is_new) = if let Some(id) = self.surfel_through(p, layer, column, row) {
             (id, false)
         } else if self.surfels.len() < MOST_SURFELS {
-            self.surfels.push(Surfel::default());
+            self.surfels.push(Surfel::ABSENT);
             self.moments.push(Moments::default());
             (self.surfels.len() - 1, true)
         } else {
@@ -157,9 +169,9 @@ impl SurfelField {
             return Some(index_in(own));
         }
         let mut best: Option<(f32, usize)> = None;
-        for v in row.saturating_sub(1)..(row + 2).min(self.height) {
-            let first = self.index(layer, column.saturating_sub(1), v);
-            let last = self.index(layer, (column + 1).min(self.width - 1), v);
+        for v in row - 1..row + 2 {
+            let (first, last) =
+                (self.index(layer, column - 1, v), self.index(layer, column + 1, v));
             for &cell in self.cells[first..=last].iter().filter(|cell| is_home(**cell)) {
                 let id = index_in(cell);
                 let [across, along] = self.offset_from(id, p.x, p.y).map(f32::abs);
@@ -176,9 +188,9 @@ impl SurfelField {
 
     /// How far a point lies from a surfel, across its line and along it, metres.
     fn offset_from(&self, id: usize, x: f32, y: f32) -> [f32; 2] {
-        let (s, m) = (&self.surfels[id], &self.moments[id]);
+        let (m, (nx, ny)) = (&self.moments[id], self.surfels[id].normal());
         let (dx, dy) = (x - m.x / m.weight, y - m.y / m.weight);
-        [s.nx * dx + s.ny * dy, s.nx * dy - s.ny * dx]
+        [nx * dx + ny * dy, nx * dy - ny * dx]
     }
 
     /// Makes surfel `id` the nearest one in every cell it is nearer to than the present one; it
@@ -186,11 +198,11 @@ impl SurfelField {
     fn spread(&mut self, id: usize, layer: usize, column: usize, row: usize, at_least: u32) {
         let radius = self.disk.radius;
         for (dv, half, squares) in self.disk.rows() {
-            let Some(v) = (row + dv).checked_sub(radius).filter(|v| *v < self.height) else {
+            let Some(v) = (row + dv).checked_sub(radius).filter(|v| self.inner_rows().contains(v)) else {
                 continue;
             };
-            let first = column.saturating_sub(half);
-            let last = (column + half).min(self.width - 1);
+            let first = column.saturating_sub(half).max(1);
+            let last = (column + half).min(self.width - 2);
             let squares = &squares[first + radius - column..=last + radius - column];
             let start = self.index(layer, first, v);
             let cells = &mut self.cells[start..=start + last - first];
@@ -218,58 +230,116 @@ impl SurfelField {
             let cell = self.cells[self.index(layer, column, row)];
             cell >> 16 <= ADJACENT
                 && self.surfels.get(index_in(cell)).is_some_and(|s| {
-                    s.nx * ux + s.ny * uy < -0.5
+                    let (nx, ny) = s.normal();
+                    nx * ux + ny * uy < -0.5
                         && self.offset_from(index_in(cell), x, y).iter().all(|d| d.abs() <= cell_m)
                 })
         })
     }
 
+    /// The cell of a point, if it lies in the window.
     fn cell_of(&self, x: f32, y: f32) -> Option<(usize, usize)> {
         let inverse = 1.0 / self.settings.cell_m;
         let u = (x - self.min_x) * inverse;
         let v = (y - self.min_y) * inverse;
-        let inside = u >= 0.0 && v >= 0.0 && u < self.width as f32 && v < self.height as f32;
+        let (right, top) = ((self.width - 1) as f32, (self.height - 1) as f32);
+        let inside = u >= 1.0 && v >= 1.0 && u < right && v < top;
         inside.then_some((u as usize, v as usize))
+    }
+
+    fn inner_rows(&self) -> std::ops::Range<usize> {
+        1..self.height - 1
     }
 
     fn index(&self, layer: usize, column: usize, row: usize) -> usize {
         (layer * self.height + row) * self.width + column
     }
 
-    /// The surfel nearest to each point of a block, [`Surfel::ABSENT`] where none is in reach.
-    #[inline]
-    pub(crate) fn nearest_of(
-        &self,
-        points: &Turned,
-        tx: f32,
-        ty: f32,
-        surfels: &mut [Surfel; LANES],
-    ) {
+    /// What a look-up of nearest surfels needs, for points that are yet to be moved by `(tx, ty)`.
+    #[inline(always)]
+    pub(crate) fn look_up(&self, tx: f32, ty: f32) -> LookUp<'_> {
         let inverse = 1.0 / self.settings.cell_m;
-        let (x0, y0) = ((tx - self.min_x) * inverse, (ty - self.min_y) * inverse);
-        let (width, height) = (self.width as u32, self.height as u32);
-        let mut cells = [u32::MAX; LANES];
-        for (k, slot) in cells.iter_mut().enumerate() {
-            // Negative cells become huge and fail the comparison below.
-            let u = (points.x[k] * inverse + x0) as i32 as u32;
-            let v = (points.y[k] * inverse + y0) as i32 as u32;
-            let layer = layer_of(points.nx[k], points.ny[k]) as u32;
-            let inside = u < width && v < height;
-            let cell = (layer * height + v).wrapping_mul(width).wrapping_add(u);
-            *slot = if inside { cell } else { u32::MAX };
-        }
-        for k in 0..LANES {
-            if let Some(&cell) = self.cells.get(cells[k] as usize)
-                && let Some(surfel) = self.surfels.get(index_in(cell))
-            {
-                surfels[k] = *surfel;
-            }
+        let stride = self.width as f32;
+        LookUp {
+            cells: &self.cells,
+            surfels: &self.surfels,
+            inverse,
+            x0: (tx - self.min_x) * inverse,
+            y0: (ty - self.min_y) * inverse,
+            right: (self.width - 1) as f32,
+            top: (self.height - 1) as f32,
+            stride,
+            layer: stride * self.height as f32,
         }
     }
 }
 
+/// A field as one linearisation reads it.
+#[derive(Clone, Copy)]
+pub(crate) struct LookUp<'a> {
+    cells: &'a [u32],
+    surfels: &'a [Surfel],
+    /// Cells per metre, and the field's corner in cells.
+    inverse: f32,
+    x0: f32,
+    y0: f32,
+    /// The border's last column and row.
+    right: f32,
+    top: f32,
+    /// Cells to a row and to a layer.
+    stride: f32,
+    layer: f32,
+}
+
+impl LookUp<'_> {
+    /// The surfel nearest to each point of a block, [`Surfel::ABSENT`] where none is in reach.
+    #[inline(always)]
+    pub fn nearest(&self, points: &Turned) -> [Surfel; LANES] {
+        let cells = self.cells_of(points);
+        let mut nearest = [Surfel::ABSENT; LANES];
+        for (slot, &cell) in nearest.iter_mut().zip(&cells) {
+            let cell = self.cells[cell as usize];
+            *slot = self.surfels[index_in(cell)];
+        }
+        nearest
+    }
+
+    /// The cell, and by its normal the layer, of each point of a block; those outside of the window
+    /// are drawn to its border, which is empty. Numbers below 2^23 all along, without branches and
+    /// conversions, so that it becomes vector instructions.
+    #[inline(always)]
+    fn cells_of(&self, points: &Turned) -> [u32; LANES] {
+        let mut cells = [0; LANES];
+        for (k, cell) in cells.iter_mut().enumerate() {
+            let column = whole(points.x[k] * self.inverse + self.x0, self.right);
+            let row = whole(points.y[k] * self.inverse + self.y0, self.top);
+            let (nx, ny) = (points.nx[k], points.ny[k]);
+            let upright = nx.abs() < ny.abs();
+            let along = if upright { ny } else { nx };
+            let first = if upright { self.layer } else { 0.0 };
+            let first = first + if along < 0.0 { 2.0 * self.layer } else { 0.0 };
+            let index = first + row * self.stride + column;
+            *cell = (index + UNITS).to_bits() & (UNITS_BITS - 1);
+        }
+        cells
+    }
+}
+
+/// Numbers from here to twice this are one unit apart: 2^23.
+const UNITS: f32 = 8_388_608.0;
+const UNITS_BITS: u32 = 1 << 23;
+
+/// The whole part of a number, 0 below zero and no more than `most`; of a whole number itself or
+/// one less.
+#[inline(always)]
+fn whole(value: f32, most: f32) -> f32 {
+    let value = if value > 0.5 { value } else { 0.5 };
+    let value = if value < most { value } else { most };
+    (value - 0.5) + UNITS - UNITS
+}
+
 /// The layer of a normal: the axis direction it is nearest to.
-#[inline]
+#[inline(always)]
 fn layer_of(nx: f32, ny: f32) -> usize {
     let upright = usize::from(nx.abs() < ny.abs());
     let along = if upright == 1 { ny } else { nx };
@@ -290,6 +360,7 @@ fn is_home(cell: u32) -> bool {
 }
 
 /// The index of a cell's nearest surfel; no surfel's for an empty cell.
+#[inline(always)]
 fn index_in(cell: u32) -> usize {
     (cell & 0xffff) as usize
 }
