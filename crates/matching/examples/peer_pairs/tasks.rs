@@ -1,0 +1,48 @@
+use crate::common::{SubmapScene, bound};
+use crate::pair::Pair;
+use geometry::Pose2;
+use synthetic::{LaserNoise, Scanner, noisy_room_pair};
+
+/// Standard deviation of all ranges, metres.
+const NOISE_STD: f64 = 0.015;
+/// Distance and turn between the scans, and between guess and truth: what odometry leaves at worst.
+const FAR: (f64, f64) = (0.3, 10.0);
+/// What a motion model leaves from one scan to the next.
+const NEAR: (f64, f64) = (0.03, 0.6);
+
+/// A pair of each task in the room of this seed.
+pub fn pairs(seed: u64) -> [Pair; 3] {
+    let scene = SubmapScene::new(seed, NOISE_STD);
+    [
+        scan_to_scan(seed),
+        submap("submap", &scene, seed, FAR),
+        submap("tracking", &scene, seed, NEAR),
+    ]
+}
+
+/// Two scans, from the identity.
+fn scan_to_scan(seed: u64) -> Pair {
+    let scanner = Scanner::half_circle(361, LaserNoise::gaussian(NOISE_STD));
+    let pair = noisy_room_pair(seed, &scanner, FAR.0, FAR.1.to_radians());
+    let (from, to) = (pair.world_from_reference, pair.world_from_scan);
+    Pair {
+        task: "scan".into(),
+        guess: Pose2::IDENTITY,
+        truth: pair.truth(),
+        bound: bound(&scanner, &pair.world, &[from], &to),
+        reference: vec![(pair.reference, Pose2::IDENTITY)],
+        scan: pair.scan,
+    }
+}
+
+/// A scan and six others.
+fn submap(task: &str, scene: &SubmapScene, seed: u64, (distance, degrees): (f64, f64)) -> Pair {
+    Pair {
+        task: task.into(),
+        guess: scene.guess(seed, distance, degrees.to_radians()),
+        truth: scene.truth,
+        bound: scene.bound,
+        reference: scene.submap.clone(),
+        scan: scene.scan.clone(),
+    }
+}
