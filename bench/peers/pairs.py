@@ -38,7 +38,11 @@ class Pose:
 
 
 class Cloud:
-    """Points (z = 0), their normals in the plane, the same points in layers, and the scans."""
+    """Points (z = 0), their normals in the plane, the same points otherwise, and the scans.
+
+    `layers` has every point at every height, `staggered` each at one, in turn: a third of the
+    points, and walls that stand upright all the same.
+    """
 
     def __init__(self, scans, laser):
         self.scans = scans
@@ -49,6 +53,8 @@ class Cloud:
         self.points = np.ascontiguousarray(np.vstack(points))
         self.normals = np.ascontiguousarray(np.vstack([n @ m[:3, :3].T for (_, n), m in zip(parts, turns)]))
         self.covariances = flat_covariances(self.normals)
+        heights = np.resize(LAYERS, len(self.points))
+        self.staggered = np.ascontiguousarray(self.points + np.outer(heights, (0, 0, 1)))
         self.layers = np.ascontiguousarray(np.vstack([self.points + (0, 0, z) for z in LAYERS]))
 
 

@@ -19,8 +19,8 @@ use std::io;
 /// end
 /// ```
 ///
-/// Points are not written: `reading * (cos, sin)(ANGLE_MIN + i * ANGLE_INCREMENT)` for every reading
-/// within the laser's limits, the same for everyone.
+/// Points are not written: `reading * (cos, sin)(ANGLE_MIN + i * ANGLE_INCREMENT)` for every
+/// reading within the laser's limits, the same for everyone.
 pub struct Pair {
     /// Which task it belongs to.
     pub task: String,

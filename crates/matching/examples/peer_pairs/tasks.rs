@@ -6,7 +6,8 @@ use synthetic::{LaserNoise, Scanner, noisy_room_pair};
 
 /// Standard deviation of all ranges, metres.
 const NOISE_STD: f64 = 0.015;
-/// Distance (metres) and turn (degrees) between the scans and between guess and truth: what odometry leaves at worst.
+/// Distance (metres) and turn (degrees) between the scans and between guess and truth: what
+/// odometry leaves at worst.
 const FAR: (f64, f64) = (0.3, 10.0);
 /// What a motion model leaves from one scan to the next.
 const NEAR: (f64, f64) = (0.03, 0.6);

@@ -1,4 +1,4 @@
-use crate::clock::fastest;
+use crate::clock::{REPEATS, fastest};
 use crate::pair::Pair;
 use geometry::Pose2;
 use manifoldslam_matching::{
@@ -25,13 +25,16 @@ pub struct Timing {
     pub update_us: f64,
 }
 
+/// Matches a pair and says how long it took.
+pub type Contestant = Box<dyn FnMut(&Pair) -> Timing>;
+
 /// Everything that can be timed.
 pub fn names() -> Vec<&'static str> {
     [FAST_ON_FIELD].into_iter().chain(MATCHER_NAMES).collect()
 }
 
 /// The contestant of this name; `None` for an unknown one.
-pub fn contestant(name: &str) -> Option<Box<dyn FnMut(&Pair) -> Timing>> {
+pub fn contestant(name: &str) -> Option<Contestant> {
     if name == FAST_ON_FIELD {
         let mut extractor = LineExtractor::new(BeamNoise::default(), LineFitSettings::default());
         return Some(Box::new(move |pair| fast_on_field(pair, &mut extractor)));
@@ -80,7 +83,7 @@ fn update(reference: &[(Vec<LinePoint>, Pose2)]) -> f64 {
     let mut before = empty_field();
     others.iter().for_each(|(points, pose)| before.insert(points, pose));
     // Dropping a clone would be timed as well: each run has one of its own, made before.
-    let mut copies = vec![before; crate::clock::REPEATS].into_iter();
+    let mut copies = vec![before; REPEATS].into_iter();
     let (_, spent) = fastest(|| {
         let field = copies.next();
         field.map(|mut field| {
@@ -92,8 +95,8 @@ fn update(reference: &[(Vec<LinePoint>, Pose2)]) -> f64 {
 }
 
 fn empty_field() -> SurfelField {
-    let half = (HALF_FIELD_M, HALF_FIELD_M);
-    SurfelField::new(FieldSettings::default(), (-half.0, -half.1), half)
+    let half = HALF_FIELD_M;
+    SurfelField::new(FieldSettings::default(), (-half, -half), (half, half))
 }
 
 fn usable(found: &MatchResult) -> Option<Pose2> {
