@@ -130,9 +130,9 @@ class Karto:
 
     package = "karto_scanmatcher"
 
-    def __init__(self, lib, search=1.0, resolution=0.01, smear=0.03):
+    def __init__(self, lib, search, resolution=0.01, smear=0.03):
         self.lib = lib
-        self.name = "karto-scanmatcher"
+        self.name = f"karto-scanmatcher, {search} m"
         config = lib.ScanMatcherConfig()
         config.search_size = search
         config.resolution = resolution
@@ -171,7 +171,8 @@ CONTESTANTS = [
     (Open3d, dict(kind="point-to-point", stages=[(1.0, 0, 20), (0.3, 0, 20), (0.1, 0, 30)])),
     (Open3d, dict(kind="point-to-plane", stages=[(1.0, 0.3, 6), (0.3, 0.03, 10)])),
     (Open3d, dict(kind="generalized", stages=[(1.0, 6.0, 10), (0.3, 1.0, 10)])),
-    (Karto, dict()),
+    (Karto, dict(search=0.3)),
+    (Karto, dict(search=1.0)),
 ]
 # What the table says of them.
 NOTES = {
@@ -182,7 +183,7 @@ NOTES = {
     "(1, 0.3) then (0.2, 0.03) m, or (1, 0.1) m",
     "open3d": "2D normals and covariances supplied; gates 1, 0.3 (and 0.1) m one after another, Geman-McClure "
     "kernels; its search tree is built in every call and is part of the match",
-    "karto_scanmatcher": "search 1 m, +-20 degrees, resolution 10 mm, smear 30 mm, no penalties; its grid is "
+    "karto_scanmatcher": "search in a square of 1 m or of 0.3 m (its default, enough for tracking only), +-20 degrees, resolution 10 mm, smear 30 mm, no penalties; its grid is "
     "built in every call and is part of the match",
 }
 
