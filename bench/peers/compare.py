@@ -96,15 +96,18 @@ def main():
     results = {who.name: {} for who in everyone}
     blocks = [pairs[len(pairs) * k // rounds : len(pairs) * (k + 1) // rounds] for k in range(rounds)]
     blocks = [block for block in blocks if block]
+    report.header(len(pairs), len(blocks))
     gc.disable()
     for k, block in enumerate(blocks):
-        for who in everyone if k % 2 == 0 else everyone[::-1]:
+        for who in list(everyone if k % 2 == 0 else everyone[::-1]):
             print(f"round {k + 1} of {len(blocks)}: {who.name}", file=sys.stderr)
             try:
                 results[who.name].update(who.run(block))
             except (RuntimeError, ValueError, TypeError, subprocess.CalledProcessError) as error:
+                if who.name == report.REFERENCE:
+                    raise
                 print(f"{who.name}: left out, {error}", file=sys.stderr)
-                everyone = [other for other in everyone if other is not who]
+                everyone.remove(who)
                 del results[who.name]
         gc.collect()
     report.print_all(blocks, results)

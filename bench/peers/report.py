@@ -25,7 +25,7 @@ HEAD = (
 
 
 def print_all(blocks, results):
-    header(sum(map(len, blocks)), len(blocks))
+    """The tables and what to know of them; `header` is printed before the first match."""
     for task, title in TASKS.items():
         own = [[pair for pair in block if pair.task == task] for block in blocks]
         own = [block for block in own if block]
