@@ -6,25 +6,22 @@
 //! Keys: `length`, `roughness`, `cell`, `reach`, `start`, `end`, `decay`, `range`, `bearing`,
 //! `noise`.
 
-use geometry::{LieGroup, Matrix3, Pose2, Vector2};
+mod common;
+
+use common::SubmapScene;
+use geometry::{LieGroup, Pose2};
 use manifoldslam_matching::{
-    BeamNoise, CloudPoint, FastMatcher, FastSettings, FieldSettings, LineExtractor,
-    LineFitSettings, LinePoint, PointCloud, Prior, SurfelField, cramer_rao_bound,
-    fisher_information,
+    BeamNoise, FastMatcher, FastSettings, FieldSettings, LineExtractor, LineFitSettings, LinePoint,
+    Prior, SurfelField,
 };
-use rand::{Rng, SeedableRng, rngs::StdRng};
+use sensing::Scan;
 use std::hint::black_box;
 use std::time::Instant;
-use synthetic::{LaserNoise, RayCaster, Scanner, noisy_room};
 
-/// Scans that make up the submap.
-const SUBMAP_SCANS: usize = 6;
 /// Each match and each update is timed this often; the fastest counts.
 const REPEATS: usize = 7;
 /// `SlamConfig::match_correlation`: what the pipeline divides a match's information by.
 const MATCH_CORRELATION: f64 = 10.0;
-/// A true endpoint this near to one of the submap's has been seen before, metres.
-const SEEN_M: f64 = 0.1;
 
 /// Everything that can be varied.
 struct Setup {
@@ -112,35 +109,21 @@ struct Room {
     field: SurfelField,
     submap: Vec<(Vec<LinePoint>, Pose2)>,
     scan: Vec<LinePoint>,
-    truth: Pose2,
-    bound: Option<Matrix3<f64>>,
+    scene: SubmapScene,
 }
 
 impl Room {
     fn new(seed: u64, setup: &Setup) -> Self {
-        let rng = &mut StdRng::seed_from_u64(seed.wrapping_mul(0x9E37_79B9) + 77);
-        let world = RayCaster::new(noisy_room(seed));
-        let scanner = Scanner::half_circle(361, LaserNoise::gaussian(setup.noise_std));
-        let heading = rng.random_range(-3.1..3.1);
-        let mut pose = || {
-            let near = |m: f64, rng: &mut StdRng| rng.random_range(-m..m);
-            Pose2::new(near(0.6, rng), near(0.6, rng), heading + near(0.3, rng))
-        };
-        let poses: Vec<Pose2> = (0..SUBMAP_SCANS).map(|_| pose()).collect();
-        let truth = pose();
-        let noise_rng = &mut StdRng::seed_from_u64(seed ^ 0xBEA3);
+        let scene = SubmapScene::new(seed, setup.noise_std);
         let mut extractor = LineExtractor::new(setup.beam, setup.lines);
-        let mut see = |pose: &Pose2| {
-            extractor.extract(&scanner.scan(&world, pose, noise_rng), &Pose2::IDENTITY)
-        };
-        let submap: Vec<_> = poses.iter().map(|pose| (see(pose), *pose)).collect();
-        let scan = see(&truth);
+        let mut lines = |scan: &Scan| extractor.extract(scan, &Pose2::IDENTITY);
+        let submap: Vec<_> = scene.submap.iter().map(|(scan, pose)| (lines(scan), *pose)).collect();
+        let scan = lines(&scene.scan);
         let mut field = SurfelField::new(setup.field, (-12.0, -12.0), (12.0, 12.0));
         for (points, pose) in &submap {
             field.insert(points, pose);
         }
-        let bound = bound(&scanner, &world, &poses, &truth, setup.noise_std);
-        Room { field, submap, scan, truth, bound }
+        Room { field, submap, scan, scene }
     }
 
     /// Time to add the last scan to a field of the others, microseconds.
@@ -160,22 +143,18 @@ impl Room {
         seed: u64,
         outcome: &mut Outcome,
     ) {
-        let rng = &mut StdRng::seed_from_u64(seed ^ 0x57A7);
-        let direction: f64 = rng.random_range(-3.1..3.1);
-        let side = if rng.random::<bool>() { turn } else { -turn };
-        let offset = Pose2::new(distance * direction.cos(), distance * direction.sin(), side);
-        let prior = Prior::guess(self.truth * offset);
+        let prior = Prior::guess(self.scene.guess(seed, distance, turn));
         let matcher = FastMatcher { settings: setup.matcher };
         let found = matcher.align(&self.field, &self.scan, &prior);
         let spent = fastest(|| (), |()| matcher.align(&self.field, &self.scan, &prior));
         outcome.match_us.push(spent);
         outcome.iterations += found.iterations;
-        let error = self.truth.between(&found.pose).log();
+        let error = self.scene.truth.between(&found.pose).log();
         if !found.status.is_usable() || error.xy().norm() > 0.1 || error.z.abs() > 0.05 {
             outcome.failures += 1;
             return;
         }
-        let Some(bound) = self.bound else { return };
+        let Some(bound) = self.scene.bound else { return };
         outcome.count += 1;
         outcome.error2[0] += error.xy().norm_squared();
         outcome.error2[1] += error.z * error.z;
@@ -185,48 +164,6 @@ impl Room {
             outcome.nees.push((error.transpose() * information * error).x);
         }
     }
-}
-
-/// The bound of the seventh scan: its beams that hit what one of the others hit.
-fn bound(
-    scanner: &Scanner,
-    world: &RayCaster,
-    poses: &[Pose2],
-    truth: &Pose2,
-    noise_std: f64,
-) -> Option<Matrix3<f64>> {
-    let endpoints = |pose: &Pose2| -> Vec<Option<CloudPoint>> {
-        scanner
-            .truth(world, pose)
-            .into_iter()
-            .enumerate()
-            .map(|(beam, hit)| {
-                let hit = hit?;
-                let ray = Vector2::new(hit.bearing.cos(), hit.bearing.sin());
-                Some(CloudPoint {
-                    position: ray * hit.range,
-                    ray,
-                    range: hit.range,
-                    normal: Some(hit.normal),
-                    normal_variance: 0.0,
-                    line_distance: 0.0,
-                    beam_step: scanner.laser.angle_increment_rad,
-                    beam: beam as u32,
-                })
-            })
-            .collect()
-    };
-    let seen: Vec<Vector2<f64>> = poses
-        .iter()
-        .flat_map(|pose| endpoints(pose).into_iter().flatten().map(|p| pose.transform(p.position)))
-        .collect();
-    let known = |p: &CloudPoint| {
-        let at = truth.transform(p.position);
-        seen.iter().any(|s| (s - at).norm_squared() < SEEN_M * SEEN_M)
-    };
-    let points = endpoints(truth).into_iter().flatten().filter(known).collect();
-    let information = fisher_information(&PointCloud { points }, noise_std, 0.0);
-    cramer_rao_bound(&information, SUBMAP_SCANS)
 }
 
 /// The shortest of several runs, microseconds.
