@@ -24,7 +24,8 @@ impl FieldMatcher {
     /// Fields are not larger than this, metres; farther reference points are left out.
     const EXTENT: f64 = 120.0;
 
-    fn line_points(&self, cloud: &PointCloud) -> Vec<LinePoint> {
+    /// The points that lie on lines, with the variances of the error model.
+    pub(crate) fn line_points(&self, cloud: &PointCloud) -> Vec<LinePoint> {
         let points = weighted_points(cloud, &self.error);
         let lines = points.iter().filter_map(|p| {
             let surface = p.surface?;
@@ -40,6 +41,34 @@ impl FieldMatcher {
         });
         lines.collect()
     }
+
+    /// The field of a reference; `None` where nothing of it lies on a line.
+    pub(crate) fn field_of(&self, reference: &PointCloud) -> Option<SurfelField> {
+        let reference = self.line_points(reference);
+        let positions = reference.iter().map(|p| Vector2::new(p.x, p.y).cast::<f64>());
+        let positions = within_extent(positions, Self::EXTENT);
+        let first = *positions.first()?;
+        let (lo, hi) = positions.iter().fold((first, first), |(lo, hi), p| (lo.inf(p), hi.sup(p)));
+        let margin = f64::from(self.field.reach_m + self.field.cell_m);
+        let (lo, hi) = (lo.add_scalar(-margin), hi.add_scalar(margin));
+        let mut field = SurfelField::new(self.field, (lo.x, lo.y), (hi.x, hi.y));
+        field.insert(&reference, &Pose2::IDENTITY);
+        Some(field)
+    }
+
+    /// Matches points with a field; what fits no better than chance has diverged.
+    pub(crate) fn align_with(
+        &self,
+        field: &SurfelField,
+        scan: &[LinePoint],
+        prior: &Prior,
+    ) -> MatchResult {
+        let result = self.matcher.align(field, scan, prior);
+        if result.status.is_usable() && result.inlier_ratio < self.error.min_inlier_ratio {
+            return MatchResult { status: MatchStatus::Diverged, ..result };
+        }
+        result
+    }
 }
 
 impl Matcher for FieldMatcher {
@@ -48,22 +77,10 @@ impl Matcher for FieldMatcher {
     }
 
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
-        let (reference, scan) = (self.line_points(reference), self.line_points(scan));
-        let positions = reference.iter().map(|p| Vector2::new(p.x, p.y).cast::<f64>());
-        let positions = within_extent(positions, Self::EXTENT);
-        let Some(first) = positions.first().filter(|_| !scan.is_empty()) else {
-            return MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints);
-        };
-        let (lo, hi) =
-            positions.iter().fold((*first, *first), |(lo, hi), p| (lo.inf(p), hi.sup(p)));
-        let margin = f64::from(self.field.reach_m + self.field.cell_m);
-        let (lo, hi) = (lo.add_scalar(-margin), hi.add_scalar(margin));
-        let mut field = SurfelField::new(self.field, (lo.x, lo.y), (hi.x, hi.y));
-        field.insert(&reference, &Pose2::IDENTITY);
-        let result = self.matcher.align(&field, &scan, prior);
-        if result.status.is_usable() && result.inlier_ratio < self.error.min_inlier_ratio {
-            return MatchResult { status: MatchStatus::Diverged, ..result };
+        let scan = self.line_points(scan);
+        match self.field_of(reference).filter(|_| !scan.is_empty()) {
+            Some(field) => self.align_with(&field, &scan, prior),
+            None => MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints),
         }
-        result
     }
 }

@@ -14,11 +14,19 @@ pub struct LikelihoodSettings {
     /// Longest side of the grid, metres; reference points outside of a square of this side around
     /// their median are left out.
     pub extent_m: f64,
+    /// The coarsest level, of windows of `2^level` cells: no need for windows larger than what is
+    /// searched. At most [`LikelihoodPyramid::TOP_LEVEL`].
+    pub levels: u8,
 }
 
 impl Default for LikelihoodSettings {
     fn default() -> Self {
-        LikelihoodSettings { cell_m: 0.05, sigma_m: 0.08, extent_m: 120.0 }
+        LikelihoodSettings {
+            cell_m: 0.05,
+            sigma_m: 0.08,
+            extent_m: 120.0,
+            levels: LikelihoodPyramid::TOP_LEVEL as u8,
+        }
     }
 }
 
@@ -38,15 +46,14 @@ pub struct LikelihoodPyramid {
     height: i32,
     stride: i32,
     /// `levels[h]`, at the cell where a window of `2^h x 2^h` cells begins: its maximum. Rows and
-    /// columns run from `-PAD` to `height` and to `width + PAD`, so that windows may begin outside.
+    /// columns run from `-pad` to `height` and to `width + pad`, so that windows may begin outside.
     levels: Vec<Vec<u8>>,
+    /// Cells around the grid at which windows may begin: the size of the largest window.
+    pad: i32,
 }
 
-/// Cells around the grid at which windows may begin: the size of the largest window.
-const PAD: i32 = 1 << LikelihoodPyramid::TOP_LEVEL;
-
 impl LikelihoodPyramid {
-    /// The coarsest level: windows of `2^7 = 128` cells (6.4 m at 5 cm).
+    /// The coarsest level there may be: windows of `2^7 = 128` cells (6.4 m at 5 cm).
     pub const TOP_LEVEL: usize = 7;
 
     /// The pyramid of a reference cloud. Points that are not finite are left out.
@@ -67,8 +74,10 @@ impl LikelihoodPyramid {
         let origin = lo.add_scalar(-margin);
         let cells = |d: f64| (d / cell) as i32 + 2 * (kernel.radius + 1) + 1;
         let (width, height) = (cells(hi.x - lo.x), cells(hi.y - lo.y));
-        let stride = width + 2 * PAD;
-        let rows = height + PAD;
+        let top = usize::from(settings.levels).min(Self::TOP_LEVEL);
+        let pad = 1 << top;
+        let stride = width + 2 * pad;
+        let rows = height + pad;
         let mut pyramid = LikelihoodPyramid {
             cell,
             origin,
@@ -76,9 +85,10 @@ impl LikelihoodPyramid {
             height,
             stride,
             levels: vec![vec![0; (stride * rows) as usize]],
+            pad,
         };
         pyramid.stamp_points(&points, &kernel);
-        for level in 0..Self::TOP_LEVEL {
+        for level in 0..top {
             let next = window_maximum(&pyramid.levels[level], 1 << level, stride as usize);
             pyramid.levels.push(next);
         }
@@ -102,6 +112,11 @@ impl LikelihoodPyramid {
         self.cell
     }
 
+    /// The coarsest level it has.
+    pub(crate) fn top_level(&self) -> usize {
+        self.levels.len() - 1
+    }
+
     /// Bytes of all levels.
     pub fn memory_bytes(&self) -> usize {
         self.levels.iter().map(Vec::len).sum()
@@ -122,10 +137,11 @@ impl LikelihoodPyramid {
     /// Maximum over the window of `2^level` cells that begins at `(x, y)`; 0 outside of the grid.
     #[inline]
     pub(crate) fn value(&self, level: usize, x: i32, y: i32) -> u8 {
-        if x < -PAD || x >= self.width + PAD || y < -PAD || y >= self.height {
+        let pad = self.pad;
+        if x < -pad || x >= self.width + pad || y < -pad || y >= self.height {
             return 0;
         }
-        self.levels[level][((y + PAD) * self.stride + x + PAD) as usize]
+        self.levels[level][((y + pad) * self.stride + x + pad) as usize]
     }
 
     /// One level's bytes, for lookups by [`LikelihoodPyramid::linear`] index.
@@ -136,12 +152,13 @@ impl LikelihoodPyramid {
     /// Index of the window that begins at `(x, y)`, where `x` is in [`LikelihoodPyramid::columns`].
     /// Rows outside of the grid give an index outside of the level, which reads as 0.
     pub(crate) fn linear(&self, x: i32, y: i32) -> i32 {
-        y.saturating_add(PAD).saturating_mul(self.stride).saturating_add(x).saturating_add(PAD)
+        let (row, column) = (y.saturating_add(self.pad), x.saturating_add(self.pad));
+        row.saturating_mul(self.stride).saturating_add(column)
     }
 
     /// The columns at which windows may begin without their index running into another row.
     pub(crate) fn columns(&self) -> std::ops::Range<i32> {
-        -PAD..self.width + PAD
+        -self.pad..self.width + self.pad
     }
 
     /// Cells from one row to the next.

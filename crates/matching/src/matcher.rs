@@ -11,6 +11,11 @@ pub enum MatchStatus {
         /// Unit vector `(x, y, yaw)` of the weakest direction, in the scan's frame.
         weak_axis: Vector3<f64>,
     },
+    /// The fit is good, and another one elsewhere is as good: the pose is one of several.
+    Ambiguous {
+        /// The other one, `reference_from_scan`.
+        rival: Pose2,
+    },
     /// Fewer correspondences than a pose needs.
     TooFewPoints,
     /// The iteration left the search region or the fit is no better than chance.

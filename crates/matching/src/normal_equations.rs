@@ -281,8 +281,8 @@ mod tests {
                 let shift = 0.02 * f64::from(k);
                 let pose = Pose2::new(shift - 0.4, 0.3 - shift, 0.03 * f64::from(k) - 0.6);
                 let (field, points, pose, weights) = (&field, &points, &pose, &weights);
-                let plain = Linearisation::<true> { field, points, pose, weights }
-                    .with_simd(pulp::Scalar);
+                let plain =
+                    Linearisation::<true> { field, points, pose, weights }.with_simd(pulp::Scalar);
                 let chosen = linearise::<true>(field, points, pose, weights);
                 let bits = |n: &NormalEquations| {
                     let sums = [n.inliers, n.pretended, n.pairs as f32];

@@ -71,7 +71,7 @@ impl<'a> Projections<'a> {
         centre: &Pose2,
         steps: YawSteps,
     ) -> Self {
-        let made = (0..=LikelihoodPyramid::TOP_LEVEL)
+        let made = (0..=pyramid.top_level())
             .map(|level| vec![None; steps.count().div_ceil(1 << level) as usize])
             .collect();
         let per_metre = 1.0 / pyramid.cell_m() as f32;
@@ -100,7 +100,7 @@ impl<'a> Projections<'a> {
         let projection = self.made[level][yaw].as_ref()?;
         let window = (1 << node.level) + 2 * projection.slack;
         let table = (window as u32).next_power_of_two().trailing_zeros() as usize;
-        if table > LikelihoodPyramid::TOP_LEVEL {
+        if table > self.pyramid.top_level() {
             return Some(255 * self.points.len() as u32);
         }
         let cells = self.pyramid.level(table);

@@ -1,6 +1,7 @@
 use crate::{
-    BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher, IcpMatcher, Matcher,
-    MbIcpMatcher, NdtMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
+    BranchAndBoundMatcher, CombinedMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher,
+    IcpMatcher, Matcher, MbIcpMatcher, NdtMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher,
+    WsmSettings,
 };
 use serde::{Deserialize, Serialize};
 
@@ -33,10 +34,12 @@ pub enum MatcherKind {
     Correlative,
     /// Wide search by branch and bound.
     BranchAndBound,
+    /// A wide search where the guess is weak, then the fast matcher.
+    Combined,
 }
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 11] = [
+pub const MATCHER_NAMES: [&str; 12] = [
     MatcherKind::Icp.name(),
     MatcherKind::MbIcp.name(),
     MatcherKind::Ndt.name(),
@@ -48,6 +51,7 @@ pub const MATCHER_NAMES: [&str; 11] = [
     MatcherKind::Fast.name(),
     MatcherKind::Correlative.name(),
     MatcherKind::BranchAndBound.name(),
+    MatcherKind::Combined.name(),
 ];
 
 impl MatcherKind {
@@ -64,6 +68,7 @@ impl MatcherKind {
         MatcherKind::Fast,
         MatcherKind::Correlative,
         MatcherKind::BranchAndBound,
+        MatcherKind::Combined,
     ];
 
     /// The name on the command line and in the configuration.
@@ -80,6 +85,7 @@ impl MatcherKind {
             MatcherKind::Fast => "fast",
             MatcherKind::Correlative => "correlative",
             MatcherKind::BranchAndBound => "branch-and-bound",
+            MatcherKind::Combined => "combined",
         }
     }
 
@@ -102,6 +108,7 @@ impl MatcherKind {
             MatcherKind::Fast => Box::new(FieldMatcher::default()),
             MatcherKind::Correlative => Box::new(CorrelativeMatcher::default()),
             MatcherKind::BranchAndBound => Box::new(BranchAndBoundMatcher::default()),
+            MatcherKind::Combined => Box::new(CombinedMatcher::default()),
         }
     }
 }

@@ -18,6 +18,16 @@ pub struct SearchWindow {
     pub half_yaw_rad: f64,
 }
 
+impl SearchWindow {
+    /// The level of a [`LikelihoodPyramid`] with cells of this side that is coarse enough for the
+    /// window.
+    pub fn levels(&self, cell_m: f64) -> u8 {
+        let cells = 2.0 * self.half_x_m.max(self.half_y_m) / cell_m + 1.0;
+        let coarsest = cells.clamp(1.0, 1e9).log2().ceil() as usize + 1;
+        coarsest.min(LikelihoodPyramid::TOP_LEVEL) as u8
+    }
+}
+
 /// A pose found by a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
@@ -164,6 +174,8 @@ pub(crate) struct Search<'a> {
     window: &'a SearchWindow,
     cell: f64,
     points: usize,
+    /// Level of the coarsest windows: with several yaws they need the table above theirs.
+    coarsest: u8,
     /// Cells from the centre to the window's edges.
     pub reach: (i32, i32),
     /// Windows whose bound is not above this are dropped.
@@ -197,6 +209,7 @@ impl<'a> Search<'a> {
             window,
             cell,
             points: points.len(),
+            coarsest: pyramid.top_level().saturating_sub(1) as u8,
             reach: (reach(window.half_x_m), reach(window.half_y_m)),
             floor: ((lowest - 1e-6).ceil() as u32).saturating_sub(1),
             heap: BinaryHeap::new(),
@@ -264,8 +277,7 @@ impl<'a> Search<'a> {
     /// are too many.
     fn push_roots(&mut self) -> bool {
         let widest = (2 * self.reach.0.max(self.reach.1) + 1) as u32;
-        let level = (widest.next_power_of_two().trailing_zeros() as u8)
-            .min(LikelihoodPyramid::TOP_LEVEL as u8 - 1);
+        let level = (widest.next_power_of_two().trailing_zeros() as u8).min(self.coarsest);
         let yaw_level = if level >= MERGE_LEVEL { level } else { 0 };
         for yaw in 0..self.projections.steps().count().div_ceil(1 << yaw_level) {
             for dy in (-self.reach.1..=self.reach.1).step_by(1 << level) {

@@ -198,7 +198,8 @@ impl SurfelField {
     fn spread(&mut self, id: usize, layer: usize, column: usize, row: usize, at_least: u32) {
         let radius = self.disk.radius;
         for (dv, half, squares) in self.disk.rows() {
-            let Some(v) = (row + dv).checked_sub(radius).filter(|v| self.inner_rows().contains(v)) else {
+            let Some(v) = (row + dv).checked_sub(radius).filter(|v| self.inner_rows().contains(v))
+            else {
                 continue;
             };
             let first = column.saturating_sub(half).max(1);
