@@ -68,19 +68,27 @@ impl FastMatcher {
         let mut pose = prior.pose;
         let mut kernel = s.kernel_start_m;
         let mut iterations = 0;
-        let mut settled = false;
-        while iterations < s.max_iterations && !settled {
+        while iterations < s.max_iterations {
             iterations += 1;
+            let last_kernel = kernel <= s.kernel_end_m;
             let coarse = kernel > 2.0 * s.kernel_end_m && scan.len() >= COARSE_FROM;
             let points = if coarse { &thinned } else { &all };
-            let normal = linearise::<false>(field, points, &pose, &s.pair_weights(kernel));
+            let weights = s.pair_weights(kernel);
+            let normal = if last_kernel {
+                linearise::<true>(field, points, &pose, &weights)
+            } else {
+                linearise::<false>(field, points, &pose, &weights)
+            };
             let Some(step) = solve(&normal, &pose, prior) else {
                 return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints);
             };
             pose = Pose2::new(pose.x + step.x, pose.y + step.y, pose.yaw + step.z);
             let small =
                 step.x.abs().max(step.y.abs()).max(5.0 * step.z.abs()) < f64::from(s.step_m);
-            settled = small && kernel <= s.kernel_end_m;
+            if small && last_kernel {
+                // A step this small leaves what was found out about the fit as it is.
+                return self.result(&normal, all.len, pose, iterations);
+            }
             kernel = (kernel * s.kernel_decay).max(s.kernel_end_m);
         }
         self.conclude_blocks(field, &all, pose, iterations)
@@ -106,8 +114,19 @@ impl FastMatcher {
     ) -> MatchResult {
         let s = &self.settings;
         let normal = linearise::<true>(field, points, &pose, &s.pair_weights(s.kernel_end_m));
-        let information = information_in_scan_frame(&normal, &pose);
-        let inlier_ratio = f64::from(normal.inliers) / (points.len.max(1) as f64);
+        self.result(&normal, points.len, pose, iterations)
+    }
+
+    /// What the last linearisation says of the fit at `pose`.
+    fn result(
+        &self,
+        normal: &NormalEquations,
+        points: usize,
+        pose: Pose2,
+        iterations: u32,
+    ) -> MatchResult {
+        let information = information_in_scan_frame(normal, &pose);
+        let inlier_ratio = f64::from(normal.inliers) / (points.max(1) as f64);
         if normal.pairs < 6 {
             return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints);
         }
