@@ -40,6 +40,7 @@ mod ndt;
 mod neighbours;
 mod normal_equations;
 mod plicp;
+mod polyline;
 mod projection;
 mod registry;
 mod search;

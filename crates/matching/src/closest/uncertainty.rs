@@ -53,6 +53,18 @@ pub(crate) fn sliding_covariance(here: &Linearisation, pose: &Pose2) -> Option<M
     sandwich(&answer, &spread)
 }
 
+/// How the gradient answers to a displacement in the scan's frame: across surfaces only. What it
+/// leaves open no covariance should claim, and no status.
+pub(crate) fn answer(here: &Linearisation, pose: &Pose2) -> Matrix3<f64> {
+    let (sin, cos) = pose.yaw.sin_cos();
+    let rotation = Matrix2::new(cos, -sin, sin, cos);
+    let one = |pair: &ClosestPair| {
+        let jacobian = pair.jacobian(&rotation);
+        jacobian.transpose() * across(pair, &pair.weight) * jacobian
+    };
+    here.pairs.iter().map(one).sum()
+}
+
 /// What of a pair's weight answers to a displacement: that across the reference's surface, since
 /// along it the closest point slides with the estimate; all of it where the surface is not known.
 fn across(pair: &ClosestPair, weight: &Matrix2<f64>) -> Matrix2<f64> {

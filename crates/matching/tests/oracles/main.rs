@@ -5,5 +5,6 @@ mod calibration;
 mod field;
 mod laws;
 mod lines;
+mod perturbed;
 mod rooms;
 mod search;
