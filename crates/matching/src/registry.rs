@@ -1,6 +1,6 @@
 use crate::{
-    BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher, IcpMatcher, Matcher,
-    MbIcpMatcher, NdtMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
+    BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher, IcpMatcher, IdcMatcher,
+    Matcher, MbIcpMatcher, NdtMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
 };
 use serde::{Deserialize, Serialize};
 
@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 pub enum MatcherKind {
     /// Plain point-to-point ICP.
     Icp,
+    /// Iterative Dual Correspondence.
+    Idc,
     /// ICP in the metric of motions.
     #[serde(rename = "mbicp")]
     MbIcp,
@@ -36,8 +38,9 @@ pub enum MatcherKind {
 }
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 11] = [
+pub const MATCHER_NAMES: [&str; 12] = [
     MatcherKind::Icp.name(),
+    MatcherKind::Idc.name(),
     MatcherKind::MbIcp.name(),
     MatcherKind::Ndt.name(),
     MatcherKind::PlIcp.name(),
@@ -54,6 +57,7 @@ impl MatcherKind {
     /// All of them, in the order of [`MATCHER_NAMES`].
     pub const ALL: [MatcherKind; MATCHER_NAMES.len()] = [
         MatcherKind::Icp,
+        MatcherKind::Idc,
         MatcherKind::MbIcp,
         MatcherKind::Ndt,
         MatcherKind::PlIcp,
@@ -70,6 +74,7 @@ impl MatcherKind {
     pub const fn name(self) -> &'static str {
         match self {
             MatcherKind::Icp => "icp",
+            MatcherKind::Idc => "idc",
             MatcherKind::MbIcp => "mbicp",
             MatcherKind::Ndt => "ndt",
             MatcherKind::PlIcp => "plicp",
@@ -92,6 +97,7 @@ impl MatcherKind {
     pub fn build(self) -> Box<dyn Matcher> {
         match self {
             MatcherKind::Icp => Box::new(IcpMatcher::default()),
+            MatcherKind::Idc => Box::new(IdcMatcher::default()),
             MatcherKind::MbIcp => Box::new(MbIcpMatcher::default()),
             MatcherKind::Ndt => Box::new(NdtMatcher::default()),
             MatcherKind::PlIcp => Box::new(PlIcpMatcher::default()),

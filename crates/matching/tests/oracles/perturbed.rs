@@ -61,12 +61,12 @@ fn rooms(name: &str, metres: f64, degrees: f64) -> (f64, f64) {
 /// The thesis prints 0.000000 for IDC, MbICP and WSM here.
 #[test]
 fn a_scan_finds_itself_to_six_decimals() {
-    for name in ["icp", "mbicp", "plicp", "wsm", "wsm-thesis"] {
+    for name in ["icp", "idc", "mbicp", "plicp", "wsm", "wsm-thesis"] {
         let matcher = matcher(name).expect("a registered name");
         let turns: &[f64] = if name == "idc" { &[0.0, 15.0] } else { &[0.0] };
         for (seed, metres) in (0..8).flat_map(|seed| [(seed, 0.25), (seed, 0.5)]) {
             let scan = cloud(&pair(seed, 0.3, 10.0).scan);
-            for degrees in &[0.0] {
+            for degrees in turns {
                 let clouds = (&scan, &scan, &Pose2::IDENTITY);
                 for (distance, result) in cell(matcher.as_ref(), clouds, (metres, *degrees)) {
                     assert!(
@@ -76,6 +76,21 @@ fn a_scan_finds_itself_to_six_decimals() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn equal_ranges_turn_what_closest_points_cannot() {
+    for metres in [0.0, 0.25] {
+        let (rms, idc) = rooms("idc", metres, 30.0);
+        let (_, icp) = rooms("icp", metres, 30.0);
+        println!("30 degrees, {metres} m: IDC finds {idc:.2} ({rms:.4}), ICP {icp:.2}");
+        assert!(idc > 0.98 && icp < 0.8 && rms < 0.01, "{metres} m: {idc} {icp} {rms}");
+    }
+    for metres in [0.0, 0.25, 0.5] {
+        let (rms, _) = rooms("idc", metres, 0.0);
+        // The thesis's row of its first situation, IDC, on other scans.
+        assert!(rms < 0.0067, "{metres} m: {rms}");
     }
 }
 
