@@ -50,6 +50,9 @@ pub(crate) trait PairWeight: Sync {
 
 /// What of the reference a scan point is compared with.
 pub(crate) trait Correspondence: Sync {
+    /// Whether partners slide along segments, and a plain step falls short of the minimum.
+    const SLIDES: bool = false;
+
     /// The partner of a scan point, given in the reference frame, if there is one within the gate.
     fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<Partner>;
 }
@@ -124,7 +127,7 @@ impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
             };
             (pose, iterations) = (there, iterations + more);
         }
-        let (pose, polishing) = self.polished(pose, prior);
+        let (pose, polishing) = if C::SLIDES { self.polished(pose, prior) } else { (pose, 0) };
         self.conclude(&pose, iterations + polishing, covariance)
     }
 

@@ -116,6 +116,8 @@ struct OnSegment {
 }
 
 impl Correspondence for Polyline<'_> {
+    const SLIDES: bool = true;
+
     fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<Partner> {
         let widest = self.stretched(moved, gate_m) + PIECE_M;
         // A place of the tree lies on the polyline: nothing farther than it is the closest.
