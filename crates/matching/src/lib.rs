@@ -67,7 +67,7 @@ pub use line_fit::{LineFit, LineFitSettings, fit_lines};
 pub use line_points::{BeamNoise, LineExtractor, LinePoint};
 pub use matcher::{MatchResult, MatchStatus, Matcher, Prior};
 pub use mbicp::{MbIcpMatcher, MbIcpSettings};
-pub use ndt::{NdtMatcher, NdtSettings};
+pub use ndt::{NdtD2dMatcher, NdtD2dSettings, NdtMatcher, NdtSettings};
 pub use neighbours::NeighbourTree;
 pub use plicp::PlIcpMatcher;
 pub use registry::{MATCHER_NAMES, MatcherKind, matcher};

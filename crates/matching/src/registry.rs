@@ -1,6 +1,7 @@
 use crate::{
     BranchAndBoundMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher, IcpMatcher, IdcMatcher,
-    Matcher, MbIcpMatcher, NdtMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher, WsmSettings,
+    Matcher, MbIcpMatcher, NdtD2dMatcher, NdtMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher,
+    WsmSettings,
 };
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +18,8 @@ pub enum MatcherKind {
     MbIcp,
     /// The Normal Distributions Transform.
     Ndt,
+    /// The Normal Distributions Transform, distributions to distributions.
+    NdtD2d,
     /// ICP across the reference's lines.
     #[serde(rename = "plicp")]
     PlIcp,
@@ -38,11 +41,12 @@ pub enum MatcherKind {
 }
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 12] = [
+pub const MATCHER_NAMES: [&str; 13] = [
     MatcherKind::Icp.name(),
     MatcherKind::Idc.name(),
     MatcherKind::MbIcp.name(),
     MatcherKind::Ndt.name(),
+    MatcherKind::NdtD2d.name(),
     MatcherKind::PlIcp.name(),
     MatcherKind::Gicp.name(),
     MatcherKind::Vgicp.name(),
@@ -60,6 +64,7 @@ impl MatcherKind {
         MatcherKind::Idc,
         MatcherKind::MbIcp,
         MatcherKind::Ndt,
+        MatcherKind::NdtD2d,
         MatcherKind::PlIcp,
         MatcherKind::Gicp,
         MatcherKind::Vgicp,
@@ -77,6 +82,7 @@ impl MatcherKind {
             MatcherKind::Idc => "idc",
             MatcherKind::MbIcp => "mbicp",
             MatcherKind::Ndt => "ndt",
+            MatcherKind::NdtD2d => "ndt-d2d",
             MatcherKind::PlIcp => "plicp",
             MatcherKind::Gicp => "gicp",
             MatcherKind::Vgicp => "vgicp",
@@ -100,6 +106,7 @@ impl MatcherKind {
             MatcherKind::Idc => Box::new(IdcMatcher::default()),
             MatcherKind::MbIcp => Box::new(MbIcpMatcher::default()),
             MatcherKind::Ndt => Box::new(NdtMatcher::default()),
+            MatcherKind::NdtD2d => Box::new(NdtD2dMatcher::default()),
             MatcherKind::PlIcp => Box::new(PlIcpMatcher::default()),
             MatcherKind::Gicp => Box::new(GicpMatcher::default()),
             MatcherKind::Vgicp => Box::new(VgicpMatcher::default()),

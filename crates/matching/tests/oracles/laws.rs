@@ -55,7 +55,7 @@ fn identical_scans_are_at_the_identity() {
         // Surfels are averages over 10 cm, voxels over half a metre, not the points themselves.
         let (metres, radians) = match matcher.name() {
             "fast" => (2e-3, 4e-4),
-            "ndt" => (2e-3, 5e-4),
+            "ndt" | "ndt-d2d" => (2e-3, 5e-4),
             "vgicp" => (4e-3, 1.5e-3),
             _ => (2e-4, 1e-4),
         };
@@ -80,7 +80,7 @@ fn moving_both_clouds_moves_the_answer() {
     for matcher in matchers() {
         // Pairs at a gate may fall either way, and cells and voxels lie differently.
         let (metres, radians) = match matcher.name() {
-            "fast" | "ndt" => (6e-3, 2e-3),
+            "fast" | "ndt" | "ndt-d2d" => (6e-3, 2e-3),
             "vgicp" => (8e-3, 2e-3),
             // Its metric turns about the scan's origin, which is moved here as well.
             "mbicp" => (5e-3, 1.5e-3),
@@ -157,7 +157,7 @@ fn a_corridor_leaves_its_axis_open() {
     for yaw in [0.0, 0.3, 1.2] {
         let a = cloud(&scanner.scan(&world, &Pose2::new(0.0, 0.1, yaw), &mut rng));
         let b = cloud(&scanner.scan(&world, &Pose2::new(0.05, 0.15, yaw + 0.02), &mut rng));
-        for name in ["wsm", "plicp", "gicp", "vgicp"] {
+        for name in ["icp", "idc", "mbicp", "wsm", "plicp", "gicp", "vgicp"] {
             let matcher = manifoldslam_matching::matcher(name).expect("a registered name");
             let result = matcher.align(&a, &b, &Prior::guess(Pose2::IDENTITY));
             let MatchStatus::Degenerate { weak_axis } = result.status else {
