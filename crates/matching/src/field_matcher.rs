@@ -25,7 +25,7 @@ impl FieldMatcher {
     const EXTENT: f64 = 120.0;
 
     fn line_points(&self, cloud: &PointCloud) -> Vec<LinePoint> {
-        let points = weighted_points(cloud, &self.error);
+        let points = weighted_points(&cloud.in_order(), &self.error);
         let lines = points.iter().filter_map(|p| {
             let surface = p.surface?;
             let normal = surface.normal;

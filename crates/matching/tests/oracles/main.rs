@@ -2,6 +2,7 @@
 
 mod bound;
 mod calibration;
+mod edge_cases;
 mod field;
 mod laws;
 mod lines;
