@@ -1,5 +1,5 @@
-/// A piece of the reference as seen from the scan's place: between two bearings, in radians, and two
-/// ranges, in metres. A single point is a span from itself to itself.
+/// A piece of the reference as seen from the scan's place: between two bearings, in radians, and
+/// two ranges, in metres. A single point is a span from itself to itself.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
     /// Bearings of both ends; less than half a turn apart, the second not wrapped.

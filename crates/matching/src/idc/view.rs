@@ -81,7 +81,8 @@ impl View {
     }
 }
 
-/// The turn from one point to the next as the laser saw it that measured them; only its sign counts.
+/// The turn from one point to the next as the laser saw it that measured them; only its sign
+/// counts.
 fn turn_at_laser(polyline: &Polyline<'_>, from: usize, to: usize) -> f64 {
     let [from, to] = [from, to].map(|i| &polyline.reference.points[i]);
     let eye = laser(from);

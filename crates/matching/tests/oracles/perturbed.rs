@@ -94,7 +94,7 @@ fn equal_ranges_turn_what_closest_points_cannot() {
     }
 }
 
-/// The thesis's NDT ended farther off than it began in 22 of 36 cells.
+/// The thesis's NDT ended farther off than it began in 20 of the 32 cells that begin off the truth.
 #[test]
 fn ndt_never_makes_a_cell_worse() {
     for name in ["ndt", "ndt-d2d"] {
