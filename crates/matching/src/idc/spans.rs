@@ -182,3 +182,66 @@ fn bound(spans: &[Span], node: usize, nodes: &mut Vec<Bounds>) -> Bounds {
     nodes[node] = bounds;
     bounds
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng, rngs::StdRng};
+    use std::f64::consts::{PI, TAU};
+
+    fn random(rng: &mut StdRng, n: usize) -> Vec<Span> {
+        let span = |index| {
+            let start = rng.random_range(-PI..PI);
+            let mut range = || rng.random_range(1.0..3.0);
+            let range = [range(), range()];
+            let bearing = [start, start + rng.random_range(-0.2..0.2)];
+            Span { bearing, range, ends: [index, index], visible: rng.random_range(0..5) > 0 }
+        };
+        (0..n).map(span).collect()
+    }
+
+    #[test]
+    fn the_tree_answers_as_all_spans_do() {
+        let mut rng = StdRng::seed_from_u64(31);
+        let mut found = 0;
+        for n in [0, 1, 5, 40, 300] {
+            let all = random(&mut rng, n);
+            let spans = Spans::new(all.clone());
+            for _ in 0..300 {
+                let (range, bearing) = (rng.random_range(0.5..3.5), rng.random_range(-PI..PI));
+                let window = rng.random_range(0.0..0.8);
+                let key = |p: &Place| (p.gap_m, p.offset_rad.abs(), p.index);
+                let places = all
+                    .iter()
+                    .filter(|s| s.visible)
+                    .flat_map(|s| [0.0, TAU, -TAU].map(|turn| s.at_range(range, bearing + turn)));
+                let best = places
+                    .filter(|p| p.offset_rad.abs() <= window)
+                    .min_by(|a, b| key(a).partial_cmp(&key(b)).expect("numbers"));
+                assert_eq!(spans.at_range(range, bearing, window), best);
+                let covers = |s: &Span| {
+                    [0.0, TAU, -TAU]
+                        .iter()
+                        .any(|turn| s.range_at(bearing + turn).is_some_and(|r| r < range))
+                };
+                assert_eq!(spans.covers(range, bearing), all.iter().any(covers));
+                found += usize::from(best.is_some_and(|p| p.gap_m == 0.0));
+            }
+        }
+        assert!(found > 300, "{found}");
+    }
+
+    #[test]
+    fn the_interpolation_is_the_paper_s_and_lies_on_the_line() {
+        let span = Span { bearing: [0.3, 0.4], range: [2.0, 2.5], ends: [0, 1], visible: true };
+        let ([a1, a2], [r1, r2], r) = (span.bearing, span.range, 2.2);
+        let paper = (r1 * r2 * (a2 - a1) / r + r1 * a1 - r2 * a2) / (r1 - r2);
+        let place = span.at_range(r, 0.0);
+        assert!((place.offset_rad - paper).abs() < 1e-12 && place.gap_m == 0.0);
+        let point = |r: f64, a: f64| geometry::Vector2::new(a.cos(), a.sin()) * r;
+        let (from, to) = (point(r1, a1), point(r2, a2));
+        let off = (to - from).normalize().perp(&(point(r, paper) - from));
+        assert!(off.abs() < 2e-3, "{off}");
+        assert_eq!(span.at_range(3.0, 0.0).gap_m, 0.5);
+    }
+}

@@ -88,3 +88,54 @@ fn turn_at_laser(polyline: &Polyline<'_>, from: usize, to: usize) -> f64 {
     let eye = laser(from);
     (from.position - eye).perp(&(to.position - eye))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polyline::PolylineSettings;
+    use crate::{CloudPoint, PointCloud};
+
+    /// A wall along `x = 4` and a board before it along `x = 2`, as seen from the origin.
+    fn wall_and_board() -> PointCloud {
+        let beam = |i: u32| {
+            let bearing = (f64::from(i) - 100.0) * 0.005;
+            let ray = Vector2::new(bearing.cos(), bearing.sin());
+            let range = if (90..=110).contains(&i) { 2.0 } else { 4.0 } / bearing.cos();
+            CloudPoint {
+                position: ray * range,
+                ray,
+                range,
+                normal: Some(Vector2::new(-1.0, 0.0)),
+                normal_variance: 0.0,
+                line_distance: 0.0,
+                beam_step: 0.005,
+                beam: i,
+            }
+        };
+        PointCloud { points: (0..=200).map(beam).collect() }
+    }
+
+    fn hidden(pose: &Pose2) -> Vec<u32> {
+        let cloud = wall_and_board();
+        let settings = PolylineSettings { length_m: f64::INFINITY, segment_m: 0.5, reach_m: 1.0 };
+        let polyline = Polyline::new(&cloud, Vector2::zeros(), settings);
+        let view = View::new(&polyline, pose, Vector2::zeros(), 0.3);
+        let points = cloud.points.iter().zip(&view.hidden);
+        points.filter(|(_, hidden)| **hidden).map(|(p, _)| p.beam).collect()
+    }
+
+    #[test]
+    fn a_board_hides_what_lies_behind_it_from_elsewhere() {
+        assert_eq!(hidden(&Pose2::IDENTITY), Vec::<u32>::new());
+        // From half a metre to the left the board hides the wall to the right of its old shadow.
+        let beams = hidden(&Pose2::new(0.0, 0.5, 0.3));
+        assert!(beams.len() > 10 && beams.iter().all(|beam| (60..90).contains(beam)), "{beams:?}");
+    }
+
+    #[test]
+    fn a_board_is_not_seen_from_behind() {
+        let beams = hidden(&Pose2::new(3.0, 0.0, 0.0));
+        assert!((90..=110).all(|beam| beams.contains(&beam)), "{beams:?}");
+        assert!(!beams.contains(&10) && !beams.contains(&190), "{beams:?}");
+    }
+}

@@ -221,6 +221,21 @@ fn a_prior_holds_what_the_scan_leaves_open_and_stays_out_of_the_covariance() {
 }
 
 #[test]
+fn every_matcher_stays_where_a_firm_prior_holds_it() {
+    let pair = pair(3, 0.2, 5.0);
+    let (a, b) = (cloud(&pair.reference), cloud(&pair.scan));
+    let start = pair.truth() * Pose2::new(0.05, -0.04, 0.02);
+    for matcher in matchers() {
+        let name = matcher.name();
+        let firm = Prior { pose: start, information: Matrix3::identity() * 1e12 };
+        let held = matcher.align(&a, &b, &firm);
+        let free = matcher.align(&a, &b, &Prior::guess(start));
+        assert!(near(&held.pose, &start, 1e-6, 1e-6), "{name}: {:?}", held.pose);
+        assert!(near(&free.pose, &pair.truth(), 0.02, 0.005), "{name}: {:?}", free.pose);
+    }
+}
+
+#[test]
 fn nothing_to_match_is_said_so() {
     let full = cloud(&pair(1, 0.3, 10.0).scan);
     let few = PointCloud { points: full.points[..3].to_vec() };
@@ -282,4 +297,9 @@ fn settings_refuse_unknown_keys_and_presets_have_names() {
     assert_eq!(WsmSettings::preset("thesis"), Some(WsmSettings::thesis()));
     assert_eq!(WsmSettings::preset("?"), None);
     assert!(manifoldslam_matching::matcher("?").is_none());
+    for name in manifoldslam_matching::MATCHER_NAMES {
+        // "wsm-thesis" is "wsm" with other settings.
+        let own = manifoldslam_matching::matcher(name).expect("a registered name").name();
+        assert!(own == name || name == "wsm-thesis", "{own} {name}");
+    }
 }
