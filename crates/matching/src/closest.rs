@@ -2,8 +2,13 @@
 //! the worst pairs are dropped, a weighted sum of squared distances is minimised, and so on until
 //! the pose settles. They differ in the weight of a pair alone: all ways alike (ICP), across the
 //! reference's line (PL-ICP), or by the planes on both sides (GICP).
+//!
+//! Where it ends, a few steps more take the pose to its minimum by rounding: docs/math/
+//! closest-points.md, "The end".
 
 mod pairs;
+mod settings;
+mod step;
 mod uncertainty;
 
 use crate::{CloudPoint, MatchResult, MatchStatus, NeighbourTree, PointCloud, Prior};
@@ -11,69 +16,21 @@ use geometry::{LieGroup, Matrix2, Matrix3, Pose2, Vector2, Vector3};
 use nalgebra::Matrix2x3;
 pub(crate) use pairs::ClosestPair;
 use pairs::{closest_pairs, drop_worst};
-use serde::{Deserialize, Serialize};
+pub use settings::ClosestSettings;
+pub(crate) use step::{ARM_M, scale, weak_axis};
+use step::{solve, step_length};
+use uncertainty::answer;
 pub(crate) use uncertainty::{RangeErrors, sliding_covariance};
 
-/// Settings of the matchers that iterate closest points.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ClosestSettings {
-    /// Pairs farther apart than this are not made in the first iterations, metres ...
-    pub gate_start_m: f64,
-    /// ... and in the last.
-    pub gate_end_m: f64,
-    /// Factor from one gate to the next.
-    pub gate_decay: f64,
-    /// Share of the pairs kept, those with the smallest error.
-    pub keep: f64,
-    /// Of those, pairs are dropped whose error is more than so many times ...
-    pub adaptive_factor: f64,
-    /// ... that of this quantile; infinity for the factor drops none.
-    pub adaptive_quantile: f64,
-    /// Cosine of the largest angle between the normals of a pair; -1 pairs anything.
-    pub normal_cos: f64,
-    /// Standard deviation of a range, metres, for the covariance.
-    pub range_std_m: f64,
-    /// Upper bound on iterations.
-    pub max_iterations: u32,
-    /// A step shorter than this (metres; radians at 5 m) at the last gate ends the iteration.
-    pub step_m: f64,
-    /// Fewer pairs than this are no match.
-    pub min_pairs: usize,
-    /// A smaller share of paired points is no better than chance.
-    pub min_inlier_ratio: f64,
-    /// A result farther from the start than this has left the search region, metres.
-    pub max_shift_m: f64,
-    /// Ratio of the weakest to the strongest direction's information, yaw taken at 5 m, below which
-    /// a match is called degenerate.
-    pub degenerate_ratio: f64,
-}
-
-impl Default for ClosestSettings {
-    fn default() -> Self {
-        ClosestSettings {
-            gate_start_m: 1.0,
-            gate_end_m: 0.1,
-            gate_decay: 0.7,
-            keep: 0.9,
-            adaptive_factor: f64::INFINITY,
-            adaptive_quantile: 0.7,
-            normal_cos: -1.0,
-            range_std_m: 0.015,
-            max_iterations: 60,
-            step_m: 2e-4,
-            min_pairs: 8,
-            min_inlier_ratio: 0.15,
-            max_shift_m: 3.0,
-            degenerate_ratio: 5e-3,
-        }
-    }
-}
-
-/// Metres that a radian is taken for.
-pub(crate) const ARM_M: f64 = 5.0;
 /// The gate narrows once a step is shorter than this share of it.
 const SETTLED_SHARE: f64 = 0.05;
+
+/// A pose locked to a wrong turn is so many beams off at most.
+const TURNS: u32 = 3;
+/// Polishing steps at most; they shrink fast or not at all.
+const POLISHING_STEPS: u32 = 12;
+/// A polishing step shorter than this, metres, is rounding.
+const POLISHED_M: f64 = 1e-10;
 
 /// A scan at a pose with its pairs.
 pub(crate) struct Linearisation {
@@ -81,6 +38,8 @@ pub(crate) struct Linearisation {
     /// Information and gradient of half the cost, as a right perturbation in the scan's frame.
     pub h: Matrix3<f64>,
     pub g: Vector3<f64>,
+    /// The same information with partners that slide along their segments as the scan moves.
+    pub sliding: Matrix3<f64>,
 }
 
 /// The weight of a pair: the information of the distance between its points, in the reference
@@ -91,8 +50,21 @@ pub(crate) trait PairWeight: Sync {
 
 /// What of the reference a scan point is compared with.
 pub(crate) trait Correspondence: Sync {
-    /// The reference's index and the point itself, if there is one within the gate.
-    fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<(usize, CloudPoint)>;
+    /// Whether partners slide along segments, and a plain step falls short of the minimum.
+    const SLIDES: bool = false;
+
+    /// The partner of a scan point, given in the reference frame, if there is one within the gate.
+    fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<Partner>;
+}
+
+/// What a scan point is paired with.
+pub(crate) struct Partner {
+    /// Index of the reference point.
+    pub index: usize,
+    /// The point itself, or one on the segment that begins there.
+    pub point: CloudPoint,
+    /// The direction that the partner slides along when the scan point moves, of any length.
+    pub along: Option<Vector2<f64>>,
 }
 
 /// The nearest of the reference's points.
@@ -109,9 +81,9 @@ impl<'a> NearestPoint<'a> {
 }
 
 impl Correspondence for NearestPoint<'_> {
-    fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<(usize, CloudPoint)> {
+    fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<Partner> {
         let (index, _) = self.tree.nearest(*moved, gate_m * gate_m)?;
-        Some((index, self.reference.points[index]))
+        Some(Partner { index, point: self.reference.points[index], along: None })
     }
 }
 
@@ -121,6 +93,9 @@ pub(crate) struct ClosestPoints<'a, C, W> {
     pub correspondence: &'a C,
     pub weight: &'a W,
     pub scan: &'a PointCloud,
+    /// A turn by which every point may have found the neighbour of its partner, and rest there:
+    /// one beam, radians. Zero where partners are not single points, or weights let them slide.
+    pub locked_turn_rad: f64,
 }
 
 impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
@@ -130,32 +105,102 @@ impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
         prior: &Prior,
         covariance: impl Fn(&Linearisation, &Pose2) -> Option<Matrix3<f64>>,
     ) -> MatchResult {
+        self.align_from(prior.pose, self.settings.gate_start_m, prior, covariance)
+    }
+
+    /// [`ClosestPoints::align`] from a pose that is not the prior's and a gate to begin with.
+    pub fn align_from(
+        &self,
+        start: Pose2,
+        gate_m: f64,
+        prior: &Prior,
+        covariance: impl Fn(&Linearisation, &Pose2) -> Option<Matrix3<f64>>,
+    ) -> MatchResult {
+        let (mut pose, mut iterations) = match self.settle(start, gate_m, prior) {
+            Ok(settled) => settled,
+            Err(failure) => return *failure,
+        };
+        for _ in 0..TURNS {
+            let Some(turned) = self.better_turned(&pose) else { break };
+            let Ok((there, more)) = self.settle(turned, self.settings.gate_end_m, prior) else {
+                break;
+            };
+            (pose, iterations) = (there, iterations + more);
+        }
+        let (pose, polishing) = if C::SLIDES { self.polished(pose, prior) } else { (pose, 0) };
+        self.conclude(&pose, iterations + polishing, covariance)
+    }
+
+    /// Iterates until the pose stands still at the last gate: the pose and the iterations used.
+    fn settle(
+        &self,
+        start: Pose2,
+        gate_m: f64,
+        prior: &Prior,
+    ) -> Result<(Pose2, u32), Box<MatchResult>> {
         let s = self.settings;
-        let mut pose = prior.pose;
-        let mut gate = s.gate_start_m;
-        let (mut iterations, mut step_length) = (0, f64::INFINITY);
-        while iterations < s.max_iterations && !(step_length < s.step_m && gate <= s.gate_end_m) {
+        let (mut pose, mut gate) = (start, gate_m);
+        let (mut iterations, mut last_step) = (0, f64::INFINITY);
+        while iterations < s.max_iterations && !(last_step < s.step_m && gate <= s.gate_end_m) {
             iterations += 1;
             let here = self.linearise(&pose, gate);
             let step = solve(&here, &pose, prior, s.degenerate_ratio)
                 .filter(|_| here.pairs.len() >= s.min_pairs);
             let Some(step) = step else {
-                return MatchResult::failed(pose, iterations, MatchStatus::TooFewPoints);
+                return Err(failed(pose, iterations, MatchStatus::TooFewPoints));
             };
             pose = pose.retract(&step);
-            step_length = step.xy().norm().max(ARM_M * step.z.abs());
+            last_step = step_length(&step);
             if !pose.is_finite() || pose.distance(&prior.pose) > s.max_shift_m {
-                return MatchResult::failed(prior.pose, iterations, MatchStatus::Diverged);
+                return Err(failed(prior.pose, iterations, MatchStatus::Diverged));
             }
-            if step_length < SETTLED_SHARE * gate {
+            if last_step < SETTLED_SHARE * gate {
                 gate = (gate * s.gate_decay).max(s.gate_end_m);
             }
         }
         // Pairs may swap for ever between two equally good sets: small steps are settled enough.
-        if step_length > 0.1 * s.gate_end_m {
-            return MatchResult::failed(pose, iterations, MatchStatus::Diverged);
+        if last_step > 0.1 * s.gate_end_m {
+            return Err(failed(pose, iterations, MatchStatus::Diverged));
         }
-        self.conclude(&pose, iterations, covariance)
+        Ok((pose, iterations))
+    }
+
+    /// The pose turned by one beam to either side, if the scan fits better there.
+    fn better_turned(&self, pose: &Pose2) -> Option<Pose2> {
+        if self.locked_turn_rad == 0.0 {
+            return None;
+        }
+        let turned = |sign: f64| pose.retract(&Vector3::new(0.0, 0.0, sign * self.locked_turn_rad));
+        let misfit = |pose: &Pose2| {
+            let gate = self.settings.gate_end_m;
+            let pairs = self.linearise(pose, gate).pairs;
+            let unpaired = self.scan.len().saturating_sub(pairs.len());
+            pairs.iter().map(|pair| pair.error).sum::<f64>() + gate * gate * unpaired as f64
+        };
+        let here = misfit(pose);
+        [1.0, -1.0].map(turned).into_iter().find(|there| misfit(there) < here)
+    }
+
+    /// The last steps, as long as they shrink by half or more: partners on a segment slide along it
+    /// with the scan, and a step that knows so goes all the way where a plain one goes a part of it
+    /// (Newton's method on the distance to the segment). The pose and the steps taken.
+    fn polished(&self, mut pose: Pose2, prior: &Prior) -> (Pose2, u32) {
+        let s = self.settings;
+        let mut longest = 10.0 * s.step_m;
+        for iteration in 0..POLISHING_STEPS {
+            let here = self.linearise(&pose, s.gate_end_m);
+            let here = Linearisation { h: here.sliding, ..here };
+            let Some(step) = solve(&here, &pose, prior, s.degenerate_ratio) else {
+                return (pose, iteration);
+            };
+            let length = step_length(&step);
+            if length > longest || length < POLISHED_M {
+                return (pose, iteration);
+            }
+            pose = pose.retract(&step);
+            longest = 0.5 * length;
+        }
+        (pose, POLISHING_STEPS)
     }
 
     fn conclude(
@@ -171,7 +216,7 @@ impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
         let Some(covariance) = covariance.filter(|_| here.pairs.len() >= s.min_pairs) else {
             return MatchResult::failed(*pose, iterations, MatchStatus::TooFewPoints);
         };
-        let status = match weak_axis(&here.h, s.degenerate_ratio) {
+        let status = match weak_axis(&answer(&here, pose), s.degenerate_ratio) {
             _ if inlier_ratio < s.min_inlier_ratio => MatchStatus::Diverged,
             Some(weak_axis) => MatchStatus::Degenerate { weak_axis },
             None => MatchStatus::Converged,
@@ -190,14 +235,15 @@ impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
             pair.weigh(self.weight.of(pair, &rotation).filter(|_| agree))
         });
         drop_worst(&mut pairs, s);
-        let (mut h, mut g) = (Matrix3::zeros(), Vector3::zeros());
+        let (mut h, mut g, mut sliding) = (Matrix3::zeros(), Vector3::zeros(), Matrix3::zeros());
         for pair in &pairs {
             let jacobian = pair.jacobian(&rotation);
             let weighted = jacobian.transpose() * pair.weight;
             h += weighted * jacobian;
             g -= weighted * pair.residual;
+            sliding += jacobian.transpose() * pair.sliding_weight() * jacobian;
         }
-        Linearisation { pairs, h, g }
+        Linearisation { pairs, h, g, sliding }
     }
 }
 
@@ -209,33 +255,7 @@ impl ClosestPair {
     }
 }
 
-/// One Gauss-Newton step, the prior included. Directions that neither pairs nor prior observe stand
-/// still: what little pulls along a corridor is noise (Zhang, Kaess, Singh, "On degeneracy of
-/// optimization-based state estimation problems", ICRA 2016).
-fn solve(here: &Linearisation, pose: &Pose2, prior: &Prior, ratio: f64) -> Option<Vector3<f64>> {
-    let offset = prior.pose.between(pose).log();
-    let scale = scale();
-    let h = scale * (here.h + prior.information) * scale;
-    let g = scale * (here.g + prior.information * offset);
-    let eigen = h.symmetric_eigen();
-    let least = ratio * eigen.eigenvalues.max();
-    let directions = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter());
-    let observed = directions.filter(|(value, _)| **value > least.max(f64::MIN_POSITIVE));
-    let step: Vector3<f64> = observed.map(|(value, v)| -v * (v.dot(&g) / value)).sum();
-    let step = scale * step;
-    step.iter().all(|v| v.is_finite()).then_some(step)
-}
-
-/// Yaw in metres at [`ARM_M`].
-pub(crate) fn scale() -> Matrix3<f64> {
-    Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 1.0 / ARM_M))
-}
-
-/// The direction that is hardly observed, if there is one.
-pub(crate) fn weak_axis(h: &Matrix3<f64>, ratio: f64) -> Option<Vector3<f64>> {
-    let scale = scale();
-    let eigen = (scale * h * scale).symmetric_eigen();
-    let weakest = eigen.eigenvalues.imin();
-    let axis = scale * eigen.eigenvectors.column(weakest);
-    (eigen.eigenvalues[weakest] < ratio * eigen.eigenvalues.max()).then(|| axis.normalize())
+/// [`MatchResult::failed`] in a box, which keeps results of single steps small.
+pub(crate) fn failed(pose: Pose2, iterations: u32, status: MatchStatus) -> Box<MatchResult> {
+    Box::new(MatchResult::failed(pose, iterations, status))
 }

@@ -2,6 +2,7 @@ use crate::{LineFitSettings, fit_lines};
 use geometry::{Pose2, Vector2};
 use sensing::Scan;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// One surface point with what is known of its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +98,23 @@ impl PointCloud {
     /// Adds another cloud's points, given in the same frame.
     pub fn extend(&mut self, other: &PointCloud) {
         self.points.extend_from_slice(&other.points);
+    }
+
+    /// The points by beam, whatever order they came in; for matchers that thin points out or
+    /// average them one after another. Scans are such already, submaps become so.
+    pub(crate) fn in_order(&self) -> Cow<'_, PointCloud> {
+        let by_beam = |a: &CloudPoint, b: &CloudPoint| {
+            let position = |p: &CloudPoint| (p.position.x, p.position.y);
+            let ((ax, ay), (bx, by)) = (position(a), position(b));
+            let place = || ax.total_cmp(&bx).then(ay.total_cmp(&by));
+            a.beam.cmp(&b.beam).then(a.range.total_cmp(&b.range)).then_with(place)
+        };
+        if self.points.is_sorted_by(|a, b| by_beam(a, b).is_le()) {
+            return Cow::Borrowed(self);
+        }
+        let mut points = self.points.clone();
+        points.sort_by(by_beam);
+        Cow::Owned(PointCloud { points })
     }
 
     /// Number of points.

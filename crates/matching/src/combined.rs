@@ -166,6 +166,7 @@ impl CombinedReference<'_> {
     /// well.
     pub fn search(&self, scan: &PointCloud, window: &SearchWindow, prior: &Prior) -> MatchResult {
         let s = &self.settings;
+        let scan = &*scan.in_order();
         let stride = scan.len().div_ceil(s.search_points.max(1)).max(1);
         let points: Vec<Vector2<f32>> =
             scan.points.iter().step_by(stride).map(|p| p.position.cast()).collect();

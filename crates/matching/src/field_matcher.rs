@@ -26,7 +26,7 @@ impl FieldMatcher {
 
     /// The points that lie on lines, with the variances of the error model.
     pub(crate) fn line_points(&self, cloud: &PointCloud) -> Vec<LinePoint> {
-        let points = weighted_points(cloud, &self.error);
+        let points = weighted_points(&cloud.in_order(), &self.error);
         let lines = points.iter().filter_map(|p| {
             let surface = p.surface?;
             let normal = surface.normal;

@@ -63,7 +63,13 @@ impl Matcher for GicpMatcher {
         let weight = PlaneToPlane { flatness: *flatness };
         let errors = RangeErrors { range_std_m: closest.range_std_m };
         let correspondence = &NearestPoint::of(reference);
-        ClosestPoints { settings: closest, correspondence, weight: &weight, scan }
-            .align(prior, |here, pose| errors.covariance(here, pose))
+        ClosestPoints {
+            settings: closest,
+            correspondence,
+            weight: &weight,
+            scan,
+            locked_turn_rad: 0.0,
+        }
+        .align(prior, |here, pose| errors.covariance(here, pose))
     }
 }

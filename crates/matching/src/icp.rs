@@ -40,7 +40,10 @@ impl Matcher for IcpMatcher {
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
         let correspondence = &NearestPoint::of(reference);
         let settings = &self.settings;
-        ClosestPoints { settings, correspondence, weight: &AllWaysAlike, scan }
+        // On a smooth surface each scan point may rest at the neighbour of its true partner.
+        let locked_turn_rad = scan.points.first().map_or(0.0, |p| p.beam_step);
+        let weight = &AllWaysAlike;
+        ClosestPoints { settings, correspondence, weight, scan, locked_turn_rad }
             .align(prior, sliding_covariance)
     }
 }

@@ -1,10 +1,19 @@
-mod cells;
+//! The Normal Distributions Transform, points to distributions and distributions to distributions.
+//! Equations: docs/math/ndt.md.
 
-use crate::closest::{ARM_M, scale, weak_axis};
+mod cells;
+mod distributions;
+mod newton;
+mod points;
+
+use crate::closest::{scale, weak_axis};
 use crate::fast::turn;
-use crate::{MatchResult, MatchStatus, Matcher, PointCloud, Prior};
+use crate::{CloudPoint, MatchResult, MatchStatus, Matcher, PointCloud, Prior};
 use cells::Cells;
-use geometry::{LieGroup, Matrix2, Matrix3, Pose2, Vector2, Vector3};
+use distributions::Distributions;
+use geometry::{LieGroup, Matrix3, Pose2};
+use newton::{Cost, Summit, climb};
+use points::Points;
 use serde::{Deserialize, Serialize};
 
 /// Settings of [`NdtMatcher`].
@@ -63,110 +72,88 @@ pub struct NdtMatcher {
     pub settings: NdtSettings,
 }
 
-/// The cost `-sum exp(-r^T B r / 2)` at a pose, its gradient and Hessian by `(x, y, yaw)`.
-#[derive(Clone, Copy, Default)]
-struct Cost {
-    value: f64,
-    g: Vector3<f64>,
-    h: Matrix3<f64>,
-    /// Sum of the squared gradients of the points.
-    spread: Matrix3<f64>,
-    explained: usize,
+/// Settings of [`NdtD2dMatcher`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NdtD2dSettings {
+    /// What it shares with points to distributions.
+    pub ndt: NdtSettings,
+    /// Factor on squared distances, `d2` of the paper: less lets farther cells pull.
+    pub softness: f64,
+    /// Standard deviation of a range, metres, for the covariance.
+    pub range_std_m: f64,
+}
+
+impl Default for NdtD2dSettings {
+    fn default() -> Self {
+        NdtD2dSettings { ndt: NdtSettings::default(), softness: 1.0, range_std_m: 0.015 }
+    }
+}
+
+/// NDT from distributions to distributions (Stoyanov, Magnusson, Andreasson, Lilienthal, "Fast and
+/// accurate scan registration through minimization of the distance between compact 3D NDT
+/// representations", IJRR 2012): the scan is cells as well, and cells are compared with cells.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NdtD2dMatcher {
+    /// The settings.
+    pub settings: NdtD2dSettings,
 }
 
 /// A point within three standard deviations of a cell is explained by it.
 const EXPLAINED: f64 = 0.011;
 
-impl Cost {
-    fn of(cells: &Cells, scan: &PointCloud, pose: &Pose2) -> Self {
-        let (sin, cos) = pose.yaw.sin_cos();
-        let rotation = Matrix2::new(cos, -sin, sin, cos);
-        let mut cost = Cost::default();
-        for point in &scan.points {
-            let turned = rotation * point.position;
-            let derivatives = [Vector2::x(), Vector2::y(), Vector2::new(-turned.y, turned.x)];
-            let mut gradient = Vector3::zeros();
-            let mut best = 0.0f64;
-            for (mean, information) in cells.at(&(turned + pose.translation())) {
-                let r = turned + pose.translation() - mean;
-                let br = information * r;
-                let e = (-0.5 * r.dot(&br)).exp();
-                best = best.max(e);
-                cost.value -= e;
-                let slopes = Vector3::from(derivatives.map(|d| br.dot(&d)));
-                gradient += slopes * e;
-                for (j, dj) in derivatives.iter().enumerate() {
-                    for (k, dk) in derivatives.iter().enumerate() {
-                        let curved = if j == 2 && k == 2 { br.dot(&-turned) } else { 0.0 };
-                        cost.h[(j, k)] +=
-                            e * (dj.dot(&(information * dk)) + curved - slopes[j] * slopes[k]);
-                    }
-                }
-            }
-            cost.g += gradient;
-            cost.spread += gradient * gradient.transpose();
-            cost.explained += usize::from(best > EXPLAINED);
-        }
-        cost
-    }
-
-    /// The same with a prior, `(x - x_0)^T P (x - x_0) / 2`.
-    fn with_prior(mut self, pose: &Pose2, prior: &Prior) -> Self {
-        let turn = turn(&prior.pose);
-        let information = turn * prior.information * turn.transpose();
-        let offset = Vector3::new(
-            pose.x - prior.pose.x,
-            pose.y - prior.pose.y,
-            geometry::wrap_angle(pose.yaw - prior.pose.yaw),
-        );
-        self.value += 0.5 * offset.dot(&(information * offset));
-        self.g += information * offset;
-        self.h += information;
-        self
-    }
+/// What is climbed at one resolution.
+trait Score {
+    fn cost(&self, pose: &Pose2) -> Cost;
+    fn doubt(&self, pose: &Pose2) -> Doubt;
 }
 
-impl NdtMatcher {
-    /// Climbs at one resolution; the pose, the iterations and whether it settled.
-    fn climb(
-        &self,
-        cells: &Cells,
-        scan: &PointCloud,
-        start: Pose2,
-        prior: &Prior,
-    ) -> (Pose2, u32, bool) {
-        let cost = |pose: &Pose2| Cost::of(cells, scan, pose).with_prior(pose, prior);
-        let mut pose = start;
-        let mut here = cost(&pose);
-        let mut damping = 1e-3;
-        for iteration in 0..self.settings.max_iterations {
-            let scale = here.h.diagonal().abs().max().max(1e-9);
-            let damped = here.h + scale_of_yaw() * (damping * scale);
-            let step = damped.cholesky().map(|factor| -factor.solve(&here.g));
-            let Some(step) = step.filter(|s| s.iter().all(|v| v.is_finite())) else {
-                damping *= 10.0;
-                continue;
-            };
-            let length = step.xy().norm().max(ARM_M * step.z.abs());
-            if length < self.settings.step_m {
-                return (pose, iteration, true);
-            }
-            let next = Pose2::new(pose.x + step.x, pose.y + step.y, pose.yaw + step.z);
-            let there = cost(&next);
-            if there.value < here.value && length < 1.0 {
-                (pose, here) = (next, there);
-                damping = (damping * 0.3).max(1e-9);
-            } else {
-                damping *= 10.0;
-            }
-        }
-        (pose, self.settings.max_iterations, false)
-    }
+/// What remains unknown at the top.
+struct Doubt {
+    /// Covariance of the gradient by `(x, y, yaw)` in the reference frame.
+    spread: Matrix3<f64>,
+    /// The scan's points that the reference explains.
+    explained: usize,
 }
 
-/// Damping by metres, a radian at [`ARM_M`].
-fn scale_of_yaw() -> Matrix3<f64> {
-    Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, ARM_M * ARM_M))
+/// Climbs from large cells to small ones; `score` is given the cells' side in metres and flatness.
+fn align<S: Score>(
+    s: &NdtSettings,
+    scan: &PointCloud,
+    prior: &Prior,
+    score: impl Fn(f64, f64) -> S,
+) -> MatchResult {
+    let resolutions = s.resolutions.clamp(1, 10);
+    let finest_m = s.coarsest_m * 0.5f64.powi(resolutions as i32 - 1);
+    let (mut summit, mut iterations) =
+        (Summit { pose: prior.pose, iterations: 0, settled: false }, 0);
+    let mut last = None;
+    for resolution in (0..resolutions).rev() {
+        let flatness = s.flatness * s.widening.powi(resolution as i32);
+        let score = score(finest_m * 2f64.powi(resolution as i32), flatness.min(1.0));
+        let limits = (s.step_m, s.max_iterations);
+        summit = climb(|pose| score.cost(pose), summit.pose, prior, limits);
+        iterations += summit.iterations;
+        last = Some(score);
+    }
+    let Summit { pose, settled, .. } = summit;
+    let Some((here, doubt)) = last.map(|score| (score.cost(&pose), score.doubt(&pose))) else {
+        return MatchResult::failed(prior.pose, iterations, MatchStatus::TooFewPoints);
+    };
+    if doubt.explained < 6 || scan.len() < 6 {
+        return MatchResult::failed(prior.pose, iterations, MatchStatus::TooFewPoints);
+    }
+    if !settled || !pose.is_finite() || pose.distance(&prior.pose) > s.max_shift_m {
+        return MatchResult::failed(prior.pose, iterations, MatchStatus::Diverged);
+    }
+    let inlier_ratio = doubt.explained as f64 / scan.len() as f64;
+    conclude((&here.h, &doubt.spread), pose, iterations, inlier_ratio, s)
+}
+
+/// Points that are finite and not absurdly far.
+fn sane(cloud: &PointCloud) -> PointCloud {
+    let sane = |p: &&CloudPoint| p.position.norm() < 1e4 && p.ray.norm() < 1e4;
+    PointCloud { points: cloud.points.iter().filter(sane).copied().collect() }
 }
 
 impl Matcher for NdtMatcher {
@@ -175,45 +162,46 @@ impl Matcher for NdtMatcher {
     }
 
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
-        let s = &self.settings;
-        let finite = |cloud: &PointCloud| PointCloud {
-            points: cloud.points.iter().filter(|p| p.position.norm() < 1e4).copied().collect(),
-        };
-        let (reference, scan) = (finite(reference), finite(scan));
-        let (mut pose, mut iterations, mut settled) = (prior.pose, 0, false);
-        let mut cells = Cells::default();
-        for resolution in (0..s.resolutions.clamp(1, 10)).rev() {
-            let finest_m = s.coarsest_m * 0.5f64.powi(s.resolutions.clamp(1, 10) as i32 - 1);
-            let side_m = finest_m * 2f64.powi(resolution as i32);
-            let flatness = s.flatness * s.widening.powi(resolution as i32);
-            cells = Cells::new(&reference, side_m, flatness.min(1.0), s.min_points);
-            let (climbed, taken, done) = self.climb(&cells, &scan, pose, prior);
-            (pose, settled) = (climbed, done);
-            iterations += taken;
-        }
-        let here = Cost::of(&cells, &scan, &pose);
-        if here.explained < 6 || scan.len() < 6 {
-            return MatchResult::failed(prior.pose, iterations, MatchStatus::TooFewPoints);
-        }
-        if !settled || !pose.is_finite() || pose.distance(&prior.pose) > s.max_shift_m {
-            return MatchResult::failed(prior.pose, iterations, MatchStatus::Diverged);
-        }
-        conclude(&here, pose, iterations, here.explained as f64 / scan.len() as f64, s)
+        let (reference, scan) = (sane(reference), sane(scan));
+        align(&self.settings, &scan, prior, |side_m, flatness| Points {
+            cells: Cells::new(&reference, side_m, flatness, self.settings.min_points),
+            scan: &scan,
+        })
     }
 }
 
-/// Covariance `H^-1 (2 sum g g^T) H^-1`: the spread of the gradient as the scan's points show it,
-/// and once more for the reference's.
+impl Matcher for NdtD2dMatcher {
+    fn name(&self) -> &'static str {
+        "ndt-d2d"
+    }
+
+    fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
+        let NdtD2dSettings { ndt, softness, range_std_m } = self.settings;
+        let (reference, scan) = (sane(reference), sane(scan));
+        let cells = |cloud: &PointCloud, side_m, flatness| {
+            Cells::new(cloud, side_m, flatness, ndt.min_points)
+        };
+        align(&ndt, &scan, prior, |side_m, flatness| Distributions {
+            cells: cells(&reference, side_m, flatness),
+            reference: &reference,
+            scan_cells: cells(&scan, side_m, flatness),
+            scan: &scan,
+            softness,
+            range_std_m,
+        })
+    }
+}
+
+/// Covariance `H^-1 spread H^-1`, in the scan's frame.
 fn conclude(
-    here: &Cost,
+    (h, spread): (&Matrix3<f64>, &Matrix3<f64>),
     pose: Pose2,
     iterations: u32,
     inlier_ratio: f64,
     s: &NdtSettings,
 ) -> MatchResult {
     let turn = turn(&pose);
-    let (h, spread) =
-        (turn.transpose() * here.h * turn, turn.transpose() * here.spread * turn * 2.0);
+    let (h, spread) = (turn.transpose() * h * turn, turn.transpose() * spread * turn);
     let scale = scale();
     let eigen = (scale * h * scale).symmetric_eigen();
     let most = eigen.eigenvalues.max();

@@ -47,7 +47,13 @@ impl Matcher for PlIcpMatcher {
         let errors = RangeErrors { range_std_m: self.settings.range_std_m };
         let correspondence = &NearestPoint::of(reference);
         let settings = &self.settings;
-        ClosestPoints { settings, correspondence, weight: &AcrossTheLine, scan }
-            .align(prior, |here, pose| errors.covariance(here, pose))
+        ClosestPoints {
+            settings,
+            correspondence,
+            weight: &AcrossTheLine,
+            scan,
+            locked_turn_rad: 0.0,
+        }
+        .align(prior, |here, pose| errors.covariance(here, pose))
     }
 }

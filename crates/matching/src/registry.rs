@@ -1,7 +1,7 @@
 use crate::{
     BranchAndBoundMatcher, CombinedMatcher, CorrelativeMatcher, FieldMatcher, GicpMatcher,
-    IcpMatcher, Matcher, MbIcpMatcher, NdtMatcher, PlIcpMatcher, VgicpMatcher, WsmMatcher,
-    WsmSettings,
+    IcpMatcher, IdcMatcher, Matcher, MbIcpMatcher, NdtD2dMatcher, NdtMatcher, PlIcpMatcher,
+    VgicpMatcher, WsmMatcher, WsmSettings,
 };
 use serde::{Deserialize, Serialize};
 
@@ -11,11 +11,15 @@ use serde::{Deserialize, Serialize};
 pub enum MatcherKind {
     /// Plain point-to-point ICP.
     Icp,
+    /// Iterative Dual Correspondence.
+    Idc,
     /// ICP in the metric of motions.
     #[serde(rename = "mbicp")]
     MbIcp,
     /// The Normal Distributions Transform.
     Ndt,
+    /// The Normal Distributions Transform, distributions to distributions.
+    NdtD2d,
     /// ICP across the reference's lines.
     #[serde(rename = "plicp")]
     PlIcp,
@@ -39,10 +43,12 @@ pub enum MatcherKind {
 }
 
 /// The names that [`matcher`] knows.
-pub const MATCHER_NAMES: [&str; 12] = [
+pub const MATCHER_NAMES: [&str; 14] = [
     MatcherKind::Icp.name(),
+    MatcherKind::Idc.name(),
     MatcherKind::MbIcp.name(),
     MatcherKind::Ndt.name(),
+    MatcherKind::NdtD2d.name(),
     MatcherKind::PlIcp.name(),
     MatcherKind::Gicp.name(),
     MatcherKind::Vgicp.name(),
@@ -58,8 +64,10 @@ impl MatcherKind {
     /// All of them, in the order of [`MATCHER_NAMES`].
     pub const ALL: [MatcherKind; MATCHER_NAMES.len()] = [
         MatcherKind::Icp,
+        MatcherKind::Idc,
         MatcherKind::MbIcp,
         MatcherKind::Ndt,
+        MatcherKind::NdtD2d,
         MatcherKind::PlIcp,
         MatcherKind::Gicp,
         MatcherKind::Vgicp,
@@ -75,8 +83,10 @@ impl MatcherKind {
     pub const fn name(self) -> &'static str {
         match self {
             MatcherKind::Icp => "icp",
+            MatcherKind::Idc => "idc",
             MatcherKind::MbIcp => "mbicp",
             MatcherKind::Ndt => "ndt",
+            MatcherKind::NdtD2d => "ndt-d2d",
             MatcherKind::PlIcp => "plicp",
             MatcherKind::Gicp => "gicp",
             MatcherKind::Vgicp => "vgicp",
@@ -98,8 +108,10 @@ impl MatcherKind {
     pub fn build(self) -> Box<dyn Matcher> {
         match self {
             MatcherKind::Icp => Box::new(IcpMatcher::default()),
+            MatcherKind::Idc => Box::new(IdcMatcher::default()),
             MatcherKind::MbIcp => Box::new(MbIcpMatcher::default()),
             MatcherKind::Ndt => Box::new(NdtMatcher::default()),
+            MatcherKind::NdtD2d => Box::new(NdtD2dMatcher::default()),
             MatcherKind::PlIcp => Box::new(PlIcpMatcher::default()),
             MatcherKind::Gicp => Box::new(GicpMatcher::default()),
             MatcherKind::Vgicp => Box::new(VgicpMatcher::default()),

@@ -127,7 +127,13 @@ impl Matcher for VgicpMatcher {
         let closest = &self.settings.closest;
         let errors = RangeErrors { range_std_m: closest.range_std_m };
         let correspondence = &NearestPoint::of(&voxels.cloud);
-        ClosestPoints { settings: closest, correspondence, weight: &voxels, scan }
-            .align(prior, |here, pose| errors.covariance(here, pose))
+        ClosestPoints {
+            settings: closest,
+            correspondence,
+            weight: &voxels,
+            scan,
+            locked_turn_rad: 0.0,
+        }
+        .align(prior, |here, pose| errors.covariance(here, pose))
     }
 }

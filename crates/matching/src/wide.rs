@@ -61,6 +61,7 @@ impl WideSettings {
         prior: &Prior,
         search: impl Fn(&LikelihoodPyramid, &[Vector2<f32>], &SearchWindow) -> Vec<Candidate>,
     ) -> MatchResult {
+        let (reference, scan) = (&*reference.in_order(), &*scan.in_order());
         let stride = scan.len().div_ceil(self.max_points.max(1)).max(1);
         let points: Vec<Vector2<f32>> = scan
             .points

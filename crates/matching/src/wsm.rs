@@ -162,8 +162,8 @@ impl WsmMatcher {
         start: &Pose2,
         prior: &Prior,
     ) -> MatchResult {
-        let reference = weighted_points(reference, &self.settings);
-        let scan = weighted_points(scan, &self.settings);
+        let reference = weighted_points(&reference.in_order(), &self.settings);
+        let scan = weighted_points(&scan.in_order(), &self.settings);
         let arm = root_mean_square_range(&scan);
         let (thin_reference, thin_scan) = (thinned(&reference), thinned(&scan));
         let mut coarse = Pairing::new(&thin_reference, &thin_scan, self.settings.normal_cos);

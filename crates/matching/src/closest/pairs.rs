@@ -1,4 +1,4 @@
-use super::{ClosestSettings, Correspondence};
+use super::{ClosestSettings, Correspondence, Partner};
 use crate::{CloudPoint, PointCloud};
 use geometry::{Matrix2, Pose2, Vector2};
 
@@ -11,6 +11,8 @@ pub(crate) struct ClosestPair {
     pub reference_index: usize,
     /// Index of the scan point.
     pub scan_index: usize,
+    /// See [`Partner::along`].
+    pub along: Option<Vector2<f64>>,
     /// From the scan point, moved, to the reference point, in the reference frame.
     pub residual: Vector2<f64>,
     /// Information of the residual.
@@ -25,6 +27,18 @@ impl ClosestPair {
         match (self.reference.normal, self.scan.normal) {
             (Some(a), Some(b)) => a.dot(&(rotation * b)) >= normal_cos,
             _ => true,
+        }
+    }
+
+    /// What is left of the weight when the partner slides along its segment with the scan point.
+    pub fn sliding_weight(&self) -> Matrix2<f64> {
+        let Some(along) = self.along else { return self.weight };
+        let pull = self.weight * along;
+        let stiffness = along.dot(&pull);
+        if stiffness > 0.0 {
+            self.weight - pull * pull.transpose() / stiffness
+        } else {
+            self.weight
         }
     }
 
@@ -46,14 +60,15 @@ pub(crate) fn closest_pairs(
 ) -> Vec<ClosestPair> {
     let pair = |(scan_index, &scan): (usize, &CloudPoint)| {
         let moved = pose.transform(scan.position);
-        let (reference_index, reference) = correspondence.closest(&moved, gate_m)?;
-        let residual = reference.position - moved;
+        let Partner { index, point, along } = correspondence.closest(&moved, gate_m)?;
+        let residual = point.position - moved;
         let weight = Matrix2::zeros();
         Some(ClosestPair {
-            reference,
+            reference: point,
             scan,
-            reference_index,
+            reference_index: index,
             scan_index,
+            along,
             residual,
             weight,
             error: 0.0,

@@ -1,5 +1,5 @@
 use super::{ClosestPair, Linearisation};
-use geometry::{Matrix2, Matrix3, Pose2, Vector3};
+use geometry::{Matrix2, Matrix3, Pose2, Vector2, Vector3};
 use std::collections::BTreeMap;
 
 /// How errors of the ranges become an error of the pose: `A^-1 (sum s^2 d d^T) A^-1` with `A` the
@@ -28,7 +28,8 @@ impl RangeErrors {
             *by_range.entry((true, pair.reference_index)).or_default() -=
                 weighted * pair.reference.ray;
             let leak = weighted * leaking(pair);
-            directions += leak * leak.transpose();
+            let drag = jacobian.transpose() * pair.weight * dragging(pair);
+            directions += leak * leak.transpose() + drag * drag.transpose();
         }
         let ranges: Matrix3<f64> = by_range.values().map(|d| d * d.transpose()).sum();
         let spread = ranges * self.range_std_m.powi(2) + directions;
@@ -53,6 +54,18 @@ pub(crate) fn sliding_covariance(here: &Linearisation, pose: &Pose2) -> Option<M
     sandwich(&answer, &spread)
 }
 
+/// How the gradient answers to a displacement in the scan's frame: across surfaces only. What it
+/// leaves open no covariance should claim, and no status.
+pub(crate) fn answer(here: &Linearisation, pose: &Pose2) -> Matrix3<f64> {
+    let (sin, cos) = pose.yaw.sin_cos();
+    let rotation = Matrix2::new(cos, -sin, sin, cos);
+    let one = |pair: &ClosestPair| {
+        let jacobian = pair.jacobian(&rotation);
+        jacobian.transpose() * across(pair, &pair.weight) * jacobian
+    };
+    here.pairs.iter().map(one).sum()
+}
+
 /// What of a pair's weight answers to a displacement: that across the reference's surface, since
 /// along it the closest point slides with the estimate; all of it where the surface is not known.
 fn across(pair: &ClosestPair, weight: &Matrix2<f64>) -> Matrix2<f64> {
@@ -70,10 +83,15 @@ fn sandwich(answer: &Matrix3<f64>, spread: &Matrix3<f64>) -> Option<Matrix3<f64>
 
 /// What an error of the reference's direction makes of the distance along the surface: the two
 /// points of a pair lie apart along it, by as much as they were sampled.
-fn leaking(pair: &ClosestPair) -> nalgebra::Vector2<f64> {
-    let Some(normal) = pair.reference.normal else { return nalgebra::Vector2::zeros() };
-    let along = (pair.residual - normal * normal.dot(&pair.residual)).norm();
-    normal * along * pair.reference.normal_variance.max(0.0).sqrt()
+fn leaking(pair: &ClosestPair) -> Vector2<f64> {
+    let Some(normal) = pair.reference.normal else { return Vector2::zeros() };
+    normal * dragging(pair).norm() * pair.reference.normal_variance.max(0.0).sqrt()
+}
+
+/// The part of a residual along the surface: what pulls that way, where a weight lets it, is noise.
+fn dragging(pair: &ClosestPair) -> Vector2<f64> {
+    let Some(normal) = pair.reference.normal else { return Vector2::zeros() };
+    pair.residual - normal * normal.dot(&pair.residual)
 }
 
 /// The inverse of an information; open directions are taken for known to 1e-9 of the best.

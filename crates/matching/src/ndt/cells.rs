@@ -2,14 +2,23 @@ use crate::PointCloud;
 use geometry::{Matrix2, Vector2};
 use std::collections::BTreeMap;
 
-/// Mean and inverse covariance.
-type Distribution = (Vector2<f64>, Matrix2<f64>);
+/// The points of a cell as a normal distribution.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Distribution {
+    pub mean: Vector2<f64>,
+    pub covariance: Matrix2<f64>,
+    /// Inverse of the covariance.
+    pub information: Matrix2<f64>,
+    /// Number of points.
+    pub count: f64,
+}
 
-/// The reference as normal distributions, in four grids shifted by half a cell.
+/// A cloud as normal distributions, in four grids shifted by half a cell.
 #[derive(Default)]
 pub(super) struct Cells {
     side_m: f64,
-    grids: [BTreeMap<(i32, i32), Distribution>; 4],
+    pub distributions: Vec<Distribution>,
+    grids: [BTreeMap<(i32, i32), usize>; 4],
 }
 
 #[derive(Clone, Copy, Default)]
@@ -20,30 +29,42 @@ struct Sums {
 }
 
 impl Cells {
-    pub fn new(reference: &PointCloud, side_m: f64, flatness: f64, min_points: usize) -> Self {
+    pub fn new(cloud: &PointCloud, side_m: f64, flatness: f64, min_points: usize) -> Self {
         let mut cells = Cells { side_m: side_m.max(1e-2), ..Cells::default() };
         for grid in 0..4 {
             let mut sums: BTreeMap<(i32, i32), Sums> = BTreeMap::new();
-            for point in &reference.points {
+            for point in &cloud.points {
                 let sum = sums.entry(cells.key(&point.position, grid)).or_default();
                 sum.count += 1.0;
                 sum.position += point.position;
                 sum.square += point.position * point.position.transpose();
             }
-            let enough = |sum: &Sums| sum.count >= min_points.max(3) as f64;
-            cells.grids[grid] = sums
-                .into_iter()
-                .filter(|(_, sum)| enough(sum))
-                .filter_map(|(key, sum)| Some((key, sum.distribution(flatness)?)))
-                .collect();
+            for (key, sum) in sums {
+                let distribution = (sum.count >= min_points.max(3) as f64)
+                    .then(|| sum.distribution(flatness))
+                    .flatten();
+                let Some(distribution) = distribution else { continue };
+                cells.grids[grid].insert(key, cells.distributions.len());
+                cells.distributions.push(distribution);
+            }
         }
         cells
     }
 
-    /// Mean and inverse covariance of the up to four cells that a place lies in.
-    pub fn at(&self, place: &Vector2<f64>) -> impl Iterator<Item = Distribution> {
-        let keys = [0, 1, 2, 3].map(|grid| self.key(place, grid));
+    /// Indices of the up to four cells that a place lies in.
+    pub fn at(&self, place: Vector2<f64>) -> impl Iterator<Item = usize> {
+        let keys = [0, 1, 2, 3].map(|grid| self.key(&place, grid));
         self.grids.iter().zip(keys).filter_map(|(grid, key)| grid.get(&key).copied())
+    }
+
+    /// `exp(-r^T B r / 2)` of the cell that explains a place best; 0 outside all cells.
+    pub fn fit(&self, place: Vector2<f64>) -> f64 {
+        let distance2 = |cell: &Distribution| {
+            let r = place - cell.mean;
+            r.dot(&(cell.information * r))
+        };
+        let fits = self.at(place).map(|i| (-0.5 * distance2(&self.distributions[i])).exp());
+        fits.fold(0.0, f64::max)
     }
 
     fn key(&self, place: &Vector2<f64>, grid: usize) -> (i32, i32) {
@@ -64,8 +85,14 @@ impl Sums {
         if largest.is_nan() || largest < 1e-8 {
             return None;
         }
-        let inverse = eigen.eigenvalues.map(|v| 1.0 / v.max(flatness * largest).max(1e-6));
+        let variances = eigen.eigenvalues.map(|v| v.max(flatness * largest).max(1e-6));
         let v = eigen.eigenvectors;
-        Some((mean, v * Matrix2::from_diagonal(&inverse) * v.transpose()))
+        let rebuilt = |d: Vector2<f64>| v * Matrix2::from_diagonal(&d) * v.transpose();
+        Some(Distribution {
+            mean,
+            covariance: rebuilt(variances),
+            information: rebuilt(variances.map(f64::recip)),
+            count: self.count,
+        })
     }
 }

@@ -54,8 +54,8 @@ fn identical_scans_are_at_the_identity() {
     for matcher in matchers() {
         // Surfels are averages over 10 cm, voxels over half a metre, not the points themselves.
         let (metres, radians) = match matcher.name() {
-            "fast" => (2e-3, 4e-4),
-            "ndt" => (2e-3, 5e-4),
+            "fast" | "combined" => (2e-3, 4e-4),
+            "ndt" | "ndt-d2d" => (2e-3, 5e-4),
             "vgicp" => (4e-3, 1.5e-3),
             _ => (2e-4, 1e-4),
         };
@@ -80,7 +80,7 @@ fn moving_both_clouds_moves_the_answer() {
     for matcher in matchers() {
         // Pairs at a gate may fall either way, and cells and voxels lie differently.
         let (metres, radians) = match matcher.name() {
-            "fast" | "ndt" => (6e-3, 2e-3),
+            "fast" | "combined" | "ndt" | "ndt-d2d" => (6e-3, 2e-3),
             "vgicp" => (8e-3, 2e-3),
             // Its metric turns about the scan's origin, which is moved here as well.
             "mbicp" => (5e-3, 1.5e-3),
@@ -157,7 +157,7 @@ fn a_corridor_leaves_its_axis_open() {
     for yaw in [0.0, 0.3, 1.2] {
         let a = cloud(&scanner.scan(&world, &Pose2::new(0.0, 0.1, yaw), &mut rng));
         let b = cloud(&scanner.scan(&world, &Pose2::new(0.05, 0.15, yaw + 0.02), &mut rng));
-        for name in ["wsm", "plicp", "gicp", "vgicp"] {
+        for name in ["icp", "idc", "mbicp", "wsm", "plicp", "gicp", "vgicp"] {
             let matcher = manifoldslam_matching::matcher(name).expect("a registered name");
             let result = matcher.align(&a, &b, &Prior::guess(Pose2::IDENTITY));
             let MatchStatus::Degenerate { weak_axis } = result.status else {
@@ -218,6 +218,21 @@ fn a_prior_holds_what_the_scan_leaves_open_and_stays_out_of_the_covariance() {
     let stubborn = Prior { pose: start, information: Matrix3::identity() * 1e12 };
     let kept = WsmMatcher::default().align(&a, &b, &stubborn);
     assert!(near(&kept.pose, &start, 1e-3, 1e-3), "{:?}", kept.pose);
+}
+
+#[test]
+fn every_matcher_stays_where_a_firm_prior_holds_it() {
+    let pair = pair(3, 0.2, 5.0);
+    let (a, b) = (cloud(&pair.reference), cloud(&pair.scan));
+    let start = pair.truth() * Pose2::new(0.05, -0.04, 0.02);
+    for matcher in matchers() {
+        let name = matcher.name();
+        let firm = Prior { pose: start, information: Matrix3::identity() * 1e12 };
+        let held = matcher.align(&a, &b, &firm);
+        let free = matcher.align(&a, &b, &Prior::guess(start));
+        assert!(near(&held.pose, &start, 1e-6, 1e-6), "{name}: {:?}", held.pose);
+        assert!(near(&free.pose, &pair.truth(), 0.02, 0.005), "{name}: {:?}", free.pose);
+    }
 }
 
 #[test]
@@ -282,4 +297,9 @@ fn settings_refuse_unknown_keys_and_presets_have_names() {
     assert_eq!(WsmSettings::preset("thesis"), Some(WsmSettings::thesis()));
     assert_eq!(WsmSettings::preset("?"), None);
     assert!(manifoldslam_matching::matcher("?").is_none());
+    for name in manifoldslam_matching::MATCHER_NAMES {
+        // "wsm-thesis" is "wsm" with other settings.
+        let own = manifoldslam_matching::matcher(name).expect("a registered name").name();
+        assert!(own == name || name == "wsm-thesis", "{own} {name}");
+    }
 }

@@ -2,8 +2,10 @@
 
 mod bound;
 mod calibration;
+mod edge_cases;
 mod field;
 mod laws;
 mod lines;
+mod perturbed;
 mod rooms;
 mod search;

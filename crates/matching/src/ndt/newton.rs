@@ -1,0 +1,78 @@
+use crate::Prior;
+use crate::closest::ARM_M;
+use crate::fast::turn;
+use geometry::{Matrix3, Pose2, Vector3, wrap_angle};
+
+/// A cost at a pose with its gradient and Hessian by `(x, y, yaw)` in the reference frame.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Cost {
+    pub value: f64,
+    pub g: Vector3<f64>,
+    pub h: Matrix3<f64>,
+}
+
+impl Cost {
+    /// The same with a prior, `(x - x_0)^T P (x - x_0) / 2`.
+    fn with_prior(mut self, pose: &Pose2, prior: &Prior) -> Self {
+        let turn = turn(&prior.pose);
+        let information = turn * prior.information * turn.transpose();
+        let offset = Vector3::new(
+            pose.x - prior.pose.x,
+            pose.y - prior.pose.y,
+            wrap_angle(pose.yaw - prior.pose.yaw),
+        );
+        self.value += 0.5 * offset.dot(&(information * offset));
+        self.g += information * offset;
+        self.h += information;
+        self
+    }
+}
+
+/// Where a climb ended.
+pub(super) struct Summit {
+    pub pose: Pose2,
+    pub iterations: u32,
+    /// Whether steps became shorter than asked for.
+    pub settled: bool,
+}
+
+/// Newton's method with damping until the cost falls (Levenberg and Marquardt), from `start`, until
+/// a step is shorter than `step_m` (radians at 5 m).
+pub(super) fn climb(
+    cost: impl Fn(&Pose2) -> Cost,
+    start: Pose2,
+    prior: &Prior,
+    (step_m, max_iterations): (f64, u32),
+) -> Summit {
+    let cost = |pose: &Pose2| cost(pose).with_prior(pose, prior);
+    let mut pose = start;
+    let mut here = cost(&pose);
+    let mut damping = 1e-3;
+    for iterations in 0..max_iterations {
+        let scale = here.h.diagonal().abs().max().max(1e-9);
+        let damped = here.h + scale_of_yaw() * (damping * scale);
+        let step = damped.cholesky().map(|factor| -factor.solve(&here.g));
+        let Some(step) = step.filter(|s| s.iter().all(|v| v.is_finite())) else {
+            damping *= 10.0;
+            continue;
+        };
+        let length = step.xy().norm().max(ARM_M * step.z.abs());
+        if length < step_m {
+            return Summit { pose, iterations, settled: true };
+        }
+        let next = Pose2::new(pose.x + step.x, pose.y + step.y, pose.yaw + step.z);
+        let there = cost(&next);
+        if there.value < here.value && length < 1.0 {
+            (pose, here) = (next, there);
+            damping = (damping * 0.3).max(1e-9);
+        } else {
+            damping *= 10.0;
+        }
+    }
+    Summit { pose, iterations: max_iterations, settled: false }
+}
+
+/// Damping by metres, a radian at [`ARM_M`].
+fn scale_of_yaw() -> Matrix3<f64> {
+    Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, ARM_M * ARM_M))
+}

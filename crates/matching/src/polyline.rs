@@ -1,0 +1,175 @@
+use crate::closest::{Correspondence, Partner};
+use crate::{CloudPoint, NeighbourTree, PointCloud};
+use geometry::{Matrix2, Vector2};
+
+/// Two points whose rays begin farther apart than this are not of one scan, metres: rounding only.
+const SAME_LASER_M: f64 = 1e-6;
+/// Long segments are found by more than one place on them, no farther apart than this, metres.
+const PIECE_M: f64 = 0.1;
+/// The tree compares in single precision: what that may be off by, metres.
+const ROUNDING_M: f64 = 1e-3;
+
+/// How a reference becomes a polyline, and how distances to it are measured.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PolylineSettings {
+    /// What a radian counts for in the metric of motions, metres; infinity is Euclid's distance.
+    pub length_m: f64,
+    /// Neighbouring points nearer to each other than this are joined by a segment, metres.
+    pub segment_m: f64,
+    /// Points farther from a scan point than this are not looked at, metres.
+    pub reach_m: f64,
+}
+
+/// The segments between the reference's neighbouring beams, and the single points.
+///
+/// Neighbours are told by their beams and by where their rays begin, not by their order: points may
+/// come in any, and a reference of many scans is as many polylines.
+pub(crate) struct Polyline<'a> {
+    pub reference: &'a PointCloud,
+    /// The end of the segment that begins at a point.
+    next: Vec<Option<usize>>,
+    tree: NeighbourTree,
+    /// The point that each of the tree's places belongs to: that point, or the segment from it.
+    owner: Vec<usize>,
+    /// Points that are left out.
+    hidden: Vec<bool>,
+    /// The point that motions turn about.
+    centre: Vector2<f64>,
+    settings: PolylineSettings,
+}
+
+impl<'a> Polyline<'a> {
+    /// The polyline of a reference, with motions about `centre`.
+    pub fn new(
+        reference: &'a PointCloud,
+        centre: Vector2<f64>,
+        settings: PolylineSettings,
+    ) -> Self {
+        let points = &reference.points;
+        let next = neighbours(points, settings.segment_m);
+        let (mut places, mut owner) = (Vec::new(), Vec::new());
+        for (index, from) in points.iter().enumerate() {
+            places.push(from.position);
+            owner.push(index);
+            let Some(to) = next[index] else { continue };
+            let along = points[to].position - from.position;
+            let pieces = (along.norm() / PIECE_M).ceil().clamp(1.0, 1e3) as usize;
+            for piece in 1..pieces {
+                places.push(from.position + along * (piece as f64 / pieces as f64));
+                owner.push(index);
+            }
+        }
+        let tree = NeighbourTree::new(places);
+        let hidden = vec![false; points.len()];
+        Polyline { reference, next, tree, owner, hidden, centre, settings }
+    }
+
+    /// The end of the segment that begins at a point.
+    pub fn next(&self, index: usize) -> Option<usize> {
+        self.next[index]
+    }
+
+    /// Leaves points out, and segments that begin or end at one.
+    pub fn hide(&mut self, hidden: Vec<bool>) {
+        self.hidden = hidden;
+    }
+
+    /// Euclid's distance within which everything of a distance in the metric lies: the metric
+    /// shortens by `sqrt(1 + |p|^2 / L^2)` at most.
+    fn stretched(&self, moved: &Vector2<f64>, distance_m: f64) -> f64 {
+        let far = (moved - self.centre).norm() + self.settings.reach_m;
+        let stretch = (1.0 + (far / self.settings.length_m).powi(2)).sqrt();
+        (distance_m * stretch).min(self.settings.reach_m)
+    }
+
+    /// The metric at a reference point.
+    pub fn metric(&self, point: &Vector2<f64>) -> Matrix2<f64> {
+        let p = point - self.centre;
+        let u = Vector2::new(p.y, -p.x);
+        Matrix2::identity()
+            - u * u.transpose() / (p.norm_squared() + self.settings.length_m.powi(2))
+    }
+
+    /// The segment's point closest to `moved`, its squared distance, and the segment's direction if
+    /// that point lies between its ends.
+    fn closest_on(&self, index: usize, moved: &Vector2<f64>) -> OnSegment {
+        let from = self.reference.points[index].position;
+        let m = self.metric(&from);
+        let squared = |point: Vector2<f64>| (moved - point).dot(&(m * (moved - point)));
+        let end = self.next[index].filter(|&to| !self.hidden[to]);
+        let Some(end) = end.map(|to| self.reference.points[to].position) else {
+            return OnSegment { distance2: squared(from), point: from, along: None };
+        };
+        let along = end - from;
+        let length2 = along.dot(&(m * along));
+        let share = along.dot(&(m * (moved - from))) / length2.max(1e-12);
+        let point = from + along * share.clamp(0.0, 1.0);
+        let along = (share > 0.0 && share < 1.0).then_some(along);
+        OnSegment { distance2: squared(point), point, along }
+    }
+}
+
+struct OnSegment {
+    distance2: f64,
+    point: Vector2<f64>,
+    along: Option<Vector2<f64>>,
+}
+
+impl Correspondence for Polyline<'_> {
+    const SLIDES: bool = true;
+
+    fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<Partner> {
+        let widest = self.stretched(moved, gate_m) + PIECE_M;
+        // A place of the tree lies on the polyline: nothing farther than it is the closest.
+        let (place, distance2) = self.tree.nearest(*moved, widest * widest)?;
+        let bound = if self.hidden[self.owner[place]] {
+            gate_m
+        } else {
+            gate_m.min(distance2.sqrt() + ROUNDING_M)
+        };
+        let radius = self.stretched(moved, bound) + 0.5 * PIECE_M + ROUNDING_M;
+        let mut best: Option<(usize, OnSegment)> = None;
+        self.tree.within(*moved, radius * radius, |place| {
+            let index = self.owner[place];
+            if self.hidden[index] {
+                return;
+            }
+            let there = self.closest_on(index, moved);
+            // Among equals the first point of the reference.
+            let nearer =
+                best.as_ref().is_none_or(|(i, b)| (there.distance2, index) < (b.distance2, *i));
+            if there.distance2 <= gate_m * gate_m && nearer {
+                best = Some((index, there));
+            }
+        });
+        let (index, there) = best?;
+        let point = CloudPoint { position: there.point, ..self.reference.points[index] };
+        Some(Partner { index, point, along: there.along })
+    }
+}
+
+/// For each point the one that the next beam of the same scan saw, if nearer than `segment_m`.
+fn neighbours(points: &[CloudPoint], segment_m: f64) -> Vec<Option<usize>> {
+    let mut by_beam: Vec<(u32, usize)> =
+        points.iter().enumerate().map(|(i, p)| (p.beam, i)).collect();
+    by_beam.sort_unstable();
+    let next = |from: &CloudPoint| {
+        let beam = from.beam.checked_add(1)?;
+        let first = by_beam.partition_point(|entry| entry.0 < beam);
+        let candidates = by_beam[first..].iter().take_while(|entry| entry.0 == beam);
+        let near = candidates.filter_map(|&(_, to)| {
+            let distance = (points[to].position - from.position).norm();
+            let one_scan = (laser(&points[to]) - laser(from)).norm() < SAME_LASER_M
+                && (points[to].ray - from.ray).norm() < 1.5 * from.beam_step;
+            (one_scan && distance < segment_m).then_some((distance, to))
+        });
+        // Two scans may have been taken from one place: the nearer point continues the surface.
+        near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, to)| to)
+    };
+    points.iter().map(next).collect()
+}
+
+/// Where a point's ray begins.
+pub(crate) fn laser(point: &CloudPoint) -> Vector2<f64> {
+    point.position - point.ray * point.range
+}
