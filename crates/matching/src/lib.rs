@@ -41,6 +41,7 @@ mod neighbours;
 mod normal_equations;
 mod plicp;
 mod projection;
+pub mod protocol;
 mod registry;
 mod search;
 mod surfel;
