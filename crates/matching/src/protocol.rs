@@ -2,6 +2,7 @@
 //! guesses, by one distance between poses, in nine cells.
 
 use geometry::{Pose2, wrap_angle};
+use serde::Serialize;
 
 /// Length that one radian counts as in [`pose_error`], metres: that of the thesis, after Minguez et
 /// al. (IEEE TRO 2006).
@@ -73,16 +74,16 @@ pub struct Trial {
 }
 
 /// The trials of one cell, or of all, in figures.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TrialFigures {
     /// How many trials.
     pub trials: usize,
     /// Root mean square of the errors, metres.
-    pub rms: f64,
+    pub rms_m: f64,
     /// Mean error, metres.
-    pub mean: f64,
+    pub mean_m: f64,
     /// Median error, metres.
-    pub median: f64,
+    pub median_m: f64,
     /// Share of trials within [`SUCCESS_M`].
     pub success: f64,
     /// Mean number of iterations.
@@ -105,9 +106,9 @@ impl TrialFigures {
         let far = |trial: &Trial| trial.error >= SUCCESS_M;
         TrialFigures {
             trials: trials.len(),
-            rms: mean(&|t| t.error * t.error).sqrt(),
-            mean: mean(&|t| t.error),
-            median: median(trials.iter().map(|t| t.error)).unwrap_or_default(),
+            rms_m: mean(&|t| t.error * t.error).sqrt(),
+            mean_m: mean(&|t| t.error),
+            median_m: median(trials.iter().map(|t| t.error)).unwrap_or_default(),
             success: mean(&|t| f64::from(u8::from(!far(t)))),
             iterations: mean(&|t| f64::from(t.iterations)),
             misled: mean(&|t| f64::from(u8::from(far(t) && t.usable))),
@@ -140,6 +141,7 @@ mod tests {
 
     /// The base row of the thesis's tables: the errors of a matcher that returns its guess.
     #[test]
+    #[allow(clippy::approx_constant)] // as printed
     fn the_guess_itself_has_the_errors_of_the_thesis_s_base_row() {
         let truth = Pose2::new(1.1, -0.4, 3.0);
         let all = perturbations();
@@ -157,15 +159,15 @@ mod tests {
         let cells = cell_figures(&trials);
         for (k, (cell, expected)) in cells.iter().zip(expected).enumerate() {
             assert_eq!(cell.trials, CELL_WEIGHTS[k]);
-            for value in [cell.rms, cell.mean, cell.median] {
+            for value in [cell.rms_m, cell.mean_m, cell.median_m] {
                 assert!((value - expected).abs() < 6e-7, "{}: {value}", CELL_NAMES[k]);
             }
             assert_eq!(cell.iterations, 2.0);
         }
-        let overall = overall_rms(&cells.map(|cell| cell.rms));
+        let overall = overall_rms(&cells.map(|cell| cell.rms_m));
         assert!((overall - 1.175057).abs() < 6e-7, "{overall}");
         let whole = TrialFigures::of(&trials);
-        assert!((whole.rms - overall).abs() < 1e-12);
+        assert!((whole.rms_m - overall).abs() < 1e-12);
         assert!((whole.success - 1.0 / 85.0).abs() < 1e-12);
         assert!((whole.misled - 84.0 / 85.0).abs() < 1e-12);
     }
