@@ -40,10 +40,10 @@ pub struct Accuracy {
     pub trials: usize,
     /// Not usable, or 0.1 m or more off by the protocol's distance; left out of the errors.
     pub failures: usize,
-    /// Root mean square error of the translation, metres.
-    pub translation_rmse_m: f64,
+    /// Root mean square error of the translation, metres; none where all are lost.
+    pub translation_rmse_m: Option<f64>,
     /// Root mean square error of the yaw, degrees.
-    pub yaw_rmse_deg: f64,
+    pub yaw_rmse_deg: Option<f64>,
     /// RMSE over the bound's, translation; 1 at best.
     pub translation_efficiency: Option<f64>,
     /// RMSE over the bound's, yaw.
@@ -80,11 +80,12 @@ impl Accuracy {
             Some((squares?.iter().sum::<f64>() / (3.0 * good.len() as f64)).sqrt())
         });
         let nees = median(good.iter().filter_map(|a| mahalanobis(&a.error, &a.covariance)));
+        let some = |value: f64| (!good.is_empty()).then_some(value);
         Accuracy {
             trials: attempts.len(),
             failures: attempts.len() - good.len(),
-            translation_rmse_m: xy.sqrt(),
-            yaw_rmse_deg: yaw.sqrt().to_degrees(),
+            translation_rmse_m: some(xy.sqrt()),
+            yaw_rmse_deg: some(yaw.sqrt().to_degrees()),
             translation_efficiency: over(xy, &|b| b[(0, 0)] + b[(1, 1)]),
             yaw_efficiency: over(yaw, &|b| b[(2, 2)]),
             efficiency: together,

@@ -56,14 +56,14 @@ pub fn accuracy(comparison: &Comparison) -> String {
 }
 
 fn accuracy_row(text: &mut String, place: &str, matcher: &str, found: &Accuracy) {
-    let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.4}"));
+    let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.6}"));
     let _ = writeln!(
         text,
-        "{place},{matcher},{},{},{:.9},{:.9},{},{},{},{},{:.6}",
+        "{place},{matcher},{},{},{},{},{},{},{},{},{:.6}",
         found.trials,
         found.failures,
-        found.translation_rmse_m,
-        found.yaw_rmse_deg,
+        number(found.translation_rmse_m),
+        number(found.yaw_rmse_deg),
         number(found.translation_efficiency),
         number(found.yaw_efficiency),
         number(found.efficiency),

@@ -4,7 +4,7 @@ use super::thesis::{BASE, ROWS, ThesisRow};
 use geometry::{Pose2, Vector2};
 use matching::protocol::CELL_NAMES;
 use rendering::RenderError;
-use rendering::plot::{Axis, AxisKind, Color, INK, Line, Mark, Panel, PanelSheet, Series};
+use rendering::plot::{Axis, AxisKind, Color, Line, Mark, Panel, PanelSheet, Series};
 
 /// Errors below this are drawn at the border, metres.
 const LEAST_M: f64 = 1e-4;
@@ -12,7 +12,8 @@ const REFERENCE: Color = [31, 119, 180];
 const SCAN: Color = [220, 60, 20];
 const WALLS: Color = [176, 184, 196];
 /// The thesis's rows, in the order of [`ROWS`].
-const THESIS: [Color; 4] = [[150, 150, 150], [190, 140, 60], [110, 140, 110], [0, 0, 0]];
+const THESIS: [Color; 4] = [[190, 120, 190], [190, 140, 60], [60, 140, 120], [0, 0, 0]];
+const GUESS: Color = [150, 155, 165];
 
 /// The places seen from above, with both scans where they truly lie.
 pub fn scans(places: &[Place]) -> Result<Vec<u8>, RenderError> {
@@ -45,7 +46,10 @@ fn plan_panel(place: &Place, size: (f64, f64)) -> Panel {
     let (x, y) = window(reference.iter().chain(&scan).copied().chain(stands), size);
     let mut series = vec![Series::pairs(WALLS, outlines(place))];
     series.push(Series::dots(REFERENCE, "reference", reference));
-    series.push(Series::dots(SCAN, "scan", scan));
+    let mut scan = Series::dots(SCAN, "scan", scan);
+    // Small, so that the reference shows where both saw the same.
+    scan.mark = Mark::Speck;
+    series.push(scan);
     for (pose, name, color) in robots {
         let ahead = pose.transform(Vector2::new(0.06 * (y.1 - y.0), 0.0));
         let arrow = vec![(pose.x, pose.y), (ahead.x, ahead.y)];
@@ -112,7 +116,10 @@ fn error_panel(result: &SituationResult) -> Panel {
     let mut series = foreign_rows(result, |row| along(&row.cells));
     for (k, matcher) in result.matchers.iter().enumerate() {
         let cells: Vec<f64> = matcher.cells.iter().map(|cell| cell.figures.rms_m).collect();
-        series.push(Series::marked(k, &matcher.matcher, along(&cells)));
+        // A little aside each, so that equal figures do not hide one another.
+        let aside = 0.5 * ((k as f64 + 0.5) / result.matchers.len() as f64 - 0.5);
+        let points = along(&cells).into_iter().map(|(x, y)| (x + aside, y)).collect();
+        series.push(Series::marked(k, &matcher.matcher, points));
     }
     let names = CELL_NAMES.map(str::to_owned).to_vec();
     Panel {
@@ -128,8 +135,8 @@ fn foreign_rows(
     result: &SituationResult,
     points: impl Fn(&ThesisRow) -> Vec<(f64, f64)>,
 ) -> Vec<Series> {
-    let mut base = Series::foreign(INK, "the guess itself", points(&BASE));
-    base.mark = Mark::None;
+    let mut base = Series::foreign(GUESS, "the guess itself", points(&BASE));
+    (base.line, base.mark) = (Line::Solid, Mark::None);
     let rows = result.thesis.and_then(|number| ROWS.get(number - 1)).into_iter().flatten();
     let rows = rows
         .zip(THESIS)

@@ -131,12 +131,15 @@ fn accuracy_table() -> Table {
 }
 
 fn accuracy_row(name: &str, found: &Accuracy) -> Vec<String> {
-    let ratio = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.2}"));
+    let with = |value: Option<f64>, decimals: usize| {
+        value.map_or("-".to_owned(), |v| format!("{v:.decimals$}"))
+    };
+    let ratio = |value| with(value, 2);
     vec![
         name.to_owned(),
         found.failures.to_string(),
-        format!("{:.2}", 1e3 * found.translation_rmse_m),
-        format!("{:.4}", found.yaw_rmse_deg),
+        with(found.translation_rmse_m.map(|m| 1e3 * m), 2),
+        with(found.yaw_rmse_deg, 4),
         ratio(found.translation_efficiency),
         ratio(found.yaw_efficiency),
         ratio(found.efficiency),

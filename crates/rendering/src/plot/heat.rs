@@ -76,7 +76,9 @@ impl HeatSheet {
             for (i, &value) in row.iter().enumerate() {
                 let corner = Vector2::new(low.x + wide * i as f64, high.y - tall * (j + 1) as f64);
                 let far = corner + Vector2::new(wide, tall);
-                sheet.fill(corner, far, heat_map_color(value));
+                // Whole pixels: half-covered ones would draw seams.
+                let whole = |v: Vector2<f64>| v.map(f64::round);
+                sheet.fill(whole(corner), whole(far), heat_map_color(value));
             }
         }
         sheet.frame(low, high, INK);

@@ -113,7 +113,10 @@ impl Panel {
                     within(&lo, low, high) && within(&hi, low, high) && taken.iter().all(free)
                 });
             let Some(corner) = corner else { continue };
-            taken.push(text_box(corner, width));
+            let (lo, hi) = text_box(corner, width);
+            taken.push((lo, hi));
+            // Lines must not run through a name.
+            sheet.fill(lo.add_scalar(1.0), hi.add_scalar(-1.0), [255; 3]);
             sheet.text(&series.name, corner, TICK, Anchor::Left, series.color);
         }
     }
@@ -157,7 +160,8 @@ fn draw_lines(
 pub(super) fn draw_mark(sheet: &mut Sheet, series: &Series, at: Vector2<f64>) {
     match series.mark {
         Mark::None => {}
-        Mark::Dot => sheet.disc(at, 1.7, series.color),
+        Mark::Speck => sheet.disc(at, 1.2, series.color),
+        Mark::Dot => sheet.disc(at, 2.4, series.color),
         Mark::Disc => sheet.disc(at, 4.2, series.color),
         Mark::Ring => {
             sheet.disc(at, 4.0, [255; 3]);

@@ -35,6 +35,8 @@ pub enum Line {
 pub enum Mark {
     /// Not at all.
     None,
+    /// By the smallest dot.
+    Speck,
     /// By a small dot.
     Dot,
     /// By a disc.
