@@ -121,8 +121,8 @@ pub fn cell_figures(trials: &[Trial]) -> [TrialFigures; CELLS] {
     std::array::from_fn(|cell| TrialFigures::of(trials.iter().filter(|t| t.cell == cell)))
 }
 
-/// What the thesis's tables call the mean: the root mean square over the 85 disturbances, out of the
-/// cells' root mean squares. (Derived: it reproduces all 20 rows of the tables.)
+/// What the thesis's tables call the mean: the root mean square over the 85 disturbances, out of
+/// the cells' root mean squares. (Derived: it reproduces all 20 rows of the tables.)
 pub fn overall_rms(cells: &[f64; CELLS]) -> f64 {
     let squares = cells.iter().zip(CELL_WEIGHTS).map(|(rms, weight)| rms * rms * weight as f64);
     (squares.sum::<f64>() / CELL_WEIGHTS.iter().sum::<usize>() as f64).sqrt()

@@ -8,8 +8,8 @@ use sensing::{LaserModel, Scan};
 pub struct LaserNoise {
     /// Standard deviation of a range, metres.
     pub range_std: f64,
-    /// A range `r` is read as up to `r * (1 +- relative)`, uniformly, besides: how USARSim's scanner
-    /// errs.
+    /// A range `r` is read as up to `r * (1 +- relative)`, uniformly, besides: how USARSim's
+    /// scanner errs.
     pub relative: f64,
     /// Standard deviation of a beam's bearing, radians.
     pub bearing_std: f64,
@@ -37,8 +37,8 @@ impl LaserNoise {
         LaserNoise { range_std, ..Self::NONE }
     }
 
-    /// The range scanner of USARSim, the simulator of the RoboCup Rescue league: every range up to a
-    /// thousandth too long or too short, nothing beyond 20 m.
+    /// The range scanner of USARSim, the simulator of the RoboCup Rescue league: every range up to
+    /// a thousandth too long or too short, nothing beyond 20 m.
     pub fn usarsim() -> Self {
         LaserNoise { relative: 0.001, max_range: 20.0, ..Self::NONE }
     }

@@ -18,9 +18,14 @@ const GUESS: Color = [150, 155, 165];
 /// The places seen from above, with both scans where they truly lie.
 pub fn scans(places: &[Place]) -> Result<Vec<u8>, RenderError> {
     let size = (760.0, 600.0);
+    let known = places.iter().all(|place| place.thesis.is_some());
+    let note = match known {
+        true => "World frame; both scans with their noise, where they truly lie.",
+        false => "The reference's frame; the scan where it is taken to lie.",
+    };
     PanelSheet {
         title: "The scans".into(),
-        notes: vec!["World frame. Both scans at their true poses, with noise.".into()],
+        notes: vec![note.into()],
         panels: places.iter().map(|place| plan_panel(place, size)).collect(),
         columns: 2,
         panel_size: (size.0 as usize, size.1 as usize),
@@ -99,16 +104,27 @@ pub fn errors(comparison: &Comparison) -> Result<Vec<u8>, RenderError> {
     let panels = comparison.situations.iter().map(error_panel).collect();
     PanelSheet {
         title: "Error by disturbance of the guess".into(),
-        notes: vec![
-            "Root mean square over the cell's trials; a radian counts as 3 m; errors below 0.1 mm at the border."
-                .into(),
-            "Dashed: the thesis's figures, measured on other scans of such places.".into(),
-        ],
+        notes: notes(
+            comparison,
+            "Root mean square over the cell's trials; a radian counts as 3 m; below 0.1 mm at the border.",
+        ),
         panels,
         columns: 2,
         panel_size: (860, 560),
     }
     .to_png()
+}
+
+/// What must be known to read a plot.
+fn notes(comparison: &Comparison, first: &str) -> Vec<String> {
+    let mut notes = vec![first.to_owned()];
+    if comparison.situations.iter().any(|situation| situation.thesis.is_some()) {
+        notes.push(
+            "Dashed: the thesis's figures, of other scans of such places; it names no times."
+                .into(),
+        );
+    }
+    notes
 }
 
 fn error_panel(result: &SituationResult) -> Panel {
@@ -151,10 +167,10 @@ pub fn error_time(comparison: &Comparison) -> Result<Vec<u8>, RenderError> {
         Axis::log_around("median time of a match, ms", times().map(|m| m.overall.median_time_ms));
     PanelSheet {
         title: "Error against time".into(),
-        notes: vec![
-            "Root mean square error over all trials of the protocol; times on the machine that ran it.".into(),
-            "Dashed: the thesis's figures, of other scans; it names no times.".into(),
-        ],
+        notes: notes(
+            comparison,
+            "Root mean square error over all trials of the protocol; times on the machine that ran it.",
+        ),
         panels: comparison.situations.iter().map(|s| time_panel(s, &x)).collect(),
         columns: 2,
         panel_size: (760, 540),
