@@ -69,8 +69,8 @@ pub struct Trial {
     pub error: f64,
     /// Iterations used.
     pub iterations: u32,
-    /// Did the matcher call its answer usable?
-    pub usable: bool,
+    /// Did the matcher call its answer converged? A degenerate one warns of itself.
+    pub converged: bool,
 }
 
 /// The trials of one cell, or of all, in figures.
@@ -88,7 +88,7 @@ pub struct TrialFigures {
     pub success: f64,
     /// Mean number of iterations.
     pub iterations: f64,
-    /// Share of trials beyond [`SUCCESS_M`] that the matcher nevertheless called usable.
+    /// Share of trials beyond [`SUCCESS_M`] that the matcher nevertheless called converged.
     pub misled: f64,
 }
 
@@ -111,7 +111,7 @@ impl TrialFigures {
             median_m: median(trials.iter().map(|t| t.error)).unwrap_or_default(),
             success: mean(&|t| f64::from(u8::from(!far(t)))),
             iterations: mean(&|t| f64::from(t.iterations)),
-            misled: mean(&|t| f64::from(u8::from(far(t) && t.usable))),
+            misled: mean(&|t| f64::from(u8::from(far(t) && t.converged))),
         }
     }
 }
@@ -152,7 +152,7 @@ mod tests {
                 cell: perturbation.cell,
                 error: pose_error(&perturbation.disturb(&truth), &truth),
                 iterations: 2,
-                usable: true,
+                converged: true,
             })
             .collect();
         let expected = [0.0, 0.25, 0.5, 0.785398, 0.824227, 0.931048, 1.570796, 1.590566, 1.648454];

@@ -169,3 +169,29 @@ fn quantile(values: &[f64], share: f64) -> f64 {
     let last = values.len().saturating_sub(1) as f64;
     values.get((share * last).round() as usize).copied().unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use matching::MatchStatus;
+
+    #[test]
+    fn the_consensus_is_the_middle_of_what_is_usable() {
+        let answer = |x: f64, yaw: f64, status: MatchStatus| MatchResult {
+            pose: Pose2::new(x, 0.0, yaw),
+            covariance: Default::default(),
+            inlier_ratio: 1.0,
+            iterations: 1,
+            status,
+        };
+        let converged = MatchStatus::Converged;
+        // Across the turn where yaw wraps.
+        let mut answers = vec![answer(1.0, 3.1, converged), answer(1.2, -3.1, converged)];
+        let odometry = Pose2::new(1.0, 0.0, 3.0);
+        assert_eq!(consensus(&odometry, answers.iter()), None);
+        answers.push(answer(9.0, 3.12, converged));
+        answers.push(answer(77.0, 0.0, MatchStatus::Diverged));
+        let found = consensus(&odometry, answers.iter()).unwrap();
+        assert!((found.x - 1.2).abs() < 1e-12 && (found.yaw - 3.12).abs() < 1e-12, "{found:?}");
+    }
+}

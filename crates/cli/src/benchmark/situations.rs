@@ -4,6 +4,7 @@ use super::contender::{Contender, Pair, cloud};
 use super::visible::visible_bound;
 use geometry::{Matrix3, Pose2};
 use indicatif::ProgressBar;
+use matching::MatchStatus;
 use matching::protocol::{CELLS, Trial, TrialFigures, median, perturbations, pose_error};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -137,7 +138,7 @@ impl Place {
                     cell: guess.cell,
                     error: pose_error(&found.pose, &pair.truth),
                     iterations: found.iterations,
-                    usable: found.status.is_usable(),
+                    converged: found.status == MatchStatus::Converged,
                 };
                 let attempt = (guess.cell == 0 && self.bound.is_some())
                     .then(|| Attempt::new(&answer, &pair.truth, self.bound));

@@ -107,7 +107,9 @@ fn undisturbed(result: &SituationResult) -> Option<Section> {
     let trials = result.matchers.first()?.undisturbed?.trials;
     Some(Section {
         heading: format!("{}: accuracy from the true pose", result.name),
-        note: format!("{trials} trials. {ACCURACY_NOTE}"),
+        note: format!(
+            "{trials} trials from the truth itself, where a matcher that hardly moves looks good. {ACCURACY_NOTE}"
+        ),
         table,
     })
 }

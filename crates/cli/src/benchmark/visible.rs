@@ -61,3 +61,23 @@ fn sees(
         .cast(world_from_base.translation(), direction, range + TOLERANCE_M)
         .is_some_and(|hit| (hit.range - range).abs() < TOLERANCE_M)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use synthetic::{LaserNoise, noisy_room};
+
+    #[test]
+    fn from_the_same_place_everything_is_visible_and_from_afar_nothing() {
+        let world = RayCaster::new(noisy_room(3));
+        let scanner = Scanner::half_circle(181, LaserNoise::gaussian(0.01));
+        let pose = Pose2::new(0.1, 0.2, 0.3);
+        let points = scanner.truth(&world, &pose).iter().flatten().map(point).collect();
+        let all = fisher_information(&PointCloud { points }, 0.01, 0.0);
+        let expected = cramer_rao_bound(&all, 1).unwrap();
+        let found = visible_bound(&world, &scanner, &pose, &[pose]).unwrap();
+        assert!((found - expected).norm() < 1e-9 * expected.norm());
+        let outside = Pose2::new(90.0, 90.0, 0.0);
+        assert_eq!(visible_bound(&world, &scanner, &pose, &[outside]), None);
+    }
+}
