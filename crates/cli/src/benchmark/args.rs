@@ -22,8 +22,8 @@ pub enum BenchCommand {
     sqrt(dx^2 + dy^2 + (3 m)^2 dyaw^2) in nine cells. Then rooms and submap: error over the Cramer-Rao \
     bound; degenerate: a plain corridor and a round room. Times are medians over all matches, taken while \
     others run; with --threads 1 they are undisturbed.\n\n\
-    The folder holds matchers.csv, matchers.md, scans.png, errors.png, error-time.png, basins.png and \
-    metrics.json.\n\n\
+    The folder holds matchers.md, matchers.csv (and accuracy.csv, degenerate.csv, log.csv), scans.png, \
+    errors.png, error-time.png, basins.png and metrics.json.\n\n\
     Examples:\n  \
     manifoldslam bench matchers -o out/matchers\n  \
     manifoldslam bench matchers --matcher plicp --matcher wsm --situation lobby --repeats 3\n  \

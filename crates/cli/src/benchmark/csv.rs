@@ -1,5 +1,6 @@
 use super::Comparison;
 use super::accuracy::Accuracy;
+use super::degenerate::Statuses;
 use super::situations::CellResult;
 use matching::protocol::CELL_NAMES;
 use std::fmt::Write;
@@ -70,4 +71,52 @@ fn accuracy_row(text: &mut String, place: &str, matcher: &str, found: &Accuracy)
         number(found.nees),
         found.median_time_ms,
     );
+}
+
+/// One row per matcher and place with an open direction; empty where no weak axis was named.
+pub fn degenerate(comparison: &Comparison) -> String {
+    let mut text = String::from(
+        "place,matcher,converged,degenerate,too_few_points,diverged,weak_axis_off_deg,observed_rmse_m\n",
+    );
+    for place in &comparison.degenerate {
+        for row in &place.matchers {
+            let counts = statuses(&row.statuses);
+            let angle = row.weak_axis_off_deg.map_or(String::new(), |v| format!("{v:.6}"));
+            let (name, matcher, rmse) = (&place.name, &row.matcher, row.observed_rmse_m);
+            let _ = writeln!(text, "{name},{matcher},{counts},{angle},{rmse:.9}");
+        }
+    }
+    text
+}
+
+/// One row per matcher on a real log.
+pub fn log(comparison: &Comparison) -> String {
+    let mut text = String::from(
+        "log,matcher,translation_median_m,translation_95_m,yaw_median_deg,yaw_95_deg,inlier_ratio,converged,\
+         degenerate,too_few_points,diverged,iterations,median_time_ms\n",
+    );
+    for log in comparison.log.iter() {
+        for row in &log.matchers {
+            let _ = writeln!(
+                text,
+                "{},{},{:.6},{:.6},{:.6},{:.6},{:.4},{},{:.4},{:.6}",
+                log.log,
+                row.matcher,
+                row.translation_median_m,
+                row.translation_95_m,
+                row.yaw_median_deg,
+                row.yaw_95_deg,
+                row.inlier_ratio,
+                statuses(&row.statuses),
+                row.iterations,
+                row.median_time_ms,
+            );
+        }
+    }
+    text
+}
+
+fn statuses(counts: &Statuses) -> String {
+    let Statuses { converged, degenerate, too_few_points, diverged } = counts;
+    format!("{converged},{degenerate},{too_few_points},{diverged}")
 }

@@ -101,9 +101,15 @@ fn write(
     if let Some(heat) = heat {
         folder.write("basins.png", &heat)?;
     }
-    let accuracy = csv::accuracy(comparison);
-    if accuracy.lines().count() > 1 {
-        folder.write("accuracy.csv", accuracy.as_bytes())?;
+    for (name, text) in [
+        ("accuracy.csv", csv::accuracy(comparison)),
+        ("degenerate.csv", csv::degenerate(comparison)),
+        ("log.csv", csv::log(comparison)),
+    ] {
+        // More than a header.
+        if text.lines().nth(1).is_some() {
+            folder.write(name, text.as_bytes())?;
+        }
     }
     folder.write(METRICS, &serde_json::to_vec_pretty(comparison)?)?;
     folder.commit()
