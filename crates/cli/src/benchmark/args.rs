@@ -21,7 +21,7 @@ pub enum BenchCommand {
     same-scan. From 85 disturbed guesses each, repeated with fresh noise, the error \
     sqrt(dx^2 + dy^2 + (3 m)^2 dyaw^2) in nine cells. Then rooms and submap: error over the Cramer-Rao \
     bound; degenerate: a plain corridor and a round room. Times are medians over all matches, taken while \
-    others run; with --threads 1 they are undisturbed.\n\n\
+    others run: use --threads 1 on an idle machine for undisturbed ones.\n\n\
     The folder holds matchers.md, matchers.csv (and accuracy.csv, degenerate.csv, log.csv), scans.png, \
     errors.png, error-time.png, basins.png and metrics.json.\n\n\
     Examples:\n  \
