@@ -1,3 +1,4 @@
+use crate::benchmark::args::BenchCommand;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -10,7 +11,8 @@ use std::path::PathBuf;
         manifoldslam demo\n  \
         manifoldslam map intel.clf.bz2 -o out/intel\n  \
         manifoldslam render out/intel --resolution 0.01 --crop=-5,-5,15,10 -o corner.png\n  \
-        manifoldslam eval relations --relations intel.relations --traj out/intel/intel.tum\n\n\
+        manifoldslam eval relations --relations intel.relations --traj out/intel/intel.tum\n  \
+        manifoldslam bench matchers -o out/matchers\n\n\
         Exit codes: 0 fine, 1 failed, 2 wrong usage, 3 finished but some of the input was lost."
 )]
 pub struct Args {
@@ -53,6 +55,9 @@ pub enum Command {
     Config(ConfigCommand),
     /// Map a built-in synthetic building and compare the result with the truth
     Demo(DemoArgs),
+    /// Compare parts of the program with each other and with published figures
+    #[command(subcommand)]
+    Bench(BenchCommand),
 }
 
 /// Where the configuration comes from.
@@ -273,7 +278,7 @@ pub struct DemoArgs {
     pub config: ConfigArgs,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("must be a number above zero".into()),

@@ -1,13 +1,15 @@
 //! One module per command.
 
+mod bench;
 mod demo;
 mod eval;
-mod map;
+pub mod map;
 mod optimize;
 mod render;
 
 use crate::Outcome;
 use crate::args::{Args, Command, ConfigCommand, EvalCommand};
+use crate::benchmark::args::BenchCommand;
 use crate::config::Config;
 use anyhow::{Context, Result};
 
@@ -32,5 +34,6 @@ pub fn run(args: &Args) -> Result<Outcome> {
             Ok(Outcome::Fine)
         }
         Command::Demo(args) => demo::run(args, global),
+        Command::Bench(BenchCommand::Matchers(args)) => bench::matchers(args, global),
     }
 }

@@ -5,6 +5,7 @@
 
 mod args;
 mod atomic;
+mod benchmark;
 mod commands;
 mod config;
 mod drawing;

@@ -5,6 +5,8 @@
 
 #[path = "oracles/bad_input.rs"]
 mod bad_input;
+#[path = "oracles/benchmark.rs"]
+mod benchmark;
 #[path = "oracles/commands.rs"]
 mod commands;
 #[path = "oracles/scores.rs"]

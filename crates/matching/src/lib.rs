@@ -44,6 +44,7 @@ mod normal_equations;
 mod plicp;
 mod polyline;
 mod projection;
+pub mod protocol;
 mod registry;
 mod search;
 mod surfel;

@@ -9,6 +9,8 @@
 //! 3. [`OccupancyGrid`] decides what is wall by an [`OccupancyRule`];
 //! 4. [`map_png`], [`map_svg`], [`ros_map_pgm`] and [`Report`] show it.
 //!
+//! Figures rather than maps are drawn by [`plot`].
+//!
 //! ```
 //! use geometry::Pose2;
 //! use manifoldslam_rendering::*;
@@ -41,6 +43,7 @@ mod legend;
 mod map_image;
 mod occupancy;
 mod palette;
+pub mod plot;
 mod report;
 mod ros_map;
 mod svg;

@@ -178,6 +178,18 @@ pub fn corridor(length: f64, width: f64) -> FloorPlan {
     plan
 }
 
+/// A round room around the origin: where a turn about its centre cannot be observed. A polygon of
+/// 720 sides, 0.1 mm from the circle at 10 m.
+pub fn circular_room(radius: f64) -> FloorPlan {
+    let mut plan = FloorPlan::new();
+    let corner = |k: i32| {
+        let (s, c) = (f64::from(k) * std::f64::consts::TAU / 720.0).sin_cos();
+        (radius * c, radius * s)
+    };
+    plan.polyline(&(0..=720).map(corner).collect::<Vec<_>>());
+    plan
+}
+
 /// A drive from one closed end to the other of a straight corridor, 2 m wide, with a door frame
 /// about every `door_spacing` metres.
 pub fn corridor_run(seed: u64, length: f64, door_spacing: f64, robot: &Robot) -> Run {

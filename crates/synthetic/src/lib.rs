@@ -19,14 +19,19 @@ mod drive;
 mod error;
 mod floor_plan;
 mod large_buildings;
+mod lobby;
 mod normal;
 mod ray_caster;
 mod room;
 mod run;
 mod scanner;
+mod situations;
 mod wheels;
+mod wood;
 
-pub use buildings::{corridor, corridor_run, two_loop_building, two_loop_building_with};
+pub use buildings::{
+    circular_room, corridor, corridor_run, two_loop_building, two_loop_building_with,
+};
 pub use carmen::{write_carmen, write_relations};
 pub use drive::Drive;
 pub use error::SyntheticError;
@@ -37,4 +42,5 @@ pub use ray_caster::{RayCaster, SurfaceHit};
 pub use room::{RoomPair, noisy_room, noisy_room_pair};
 pub use run::{Robot, Run};
 pub use scanner::{LaserNoise, Scanner, TrueBeam};
+pub use situations::Situation;
 pub use wheels::WheelNoise;

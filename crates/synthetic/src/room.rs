@@ -41,10 +41,10 @@ pub fn noisy_room(seed: u64) -> FloorPlan {
     plan
 }
 
-/// Two scans of one room with the truth between them.
+/// Two scans of one place with the truth between them.
 #[derive(Clone, Debug)]
 pub struct RoomPair {
-    /// The room.
+    /// The place.
     pub world: RayCaster,
     /// The earlier scan.
     pub reference: Scan,

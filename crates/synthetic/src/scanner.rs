@@ -8,6 +8,9 @@ use sensing::{LaserModel, Scan};
 pub struct LaserNoise {
     /// Standard deviation of a range, metres.
     pub range_std: f64,
+    /// A range `r` is read as up to `r * (1 +- relative)`, uniformly, besides: how USARSim's
+    /// scanner errs.
+    pub relative: f64,
     /// Standard deviation of a beam's bearing, radians.
     pub bearing_std: f64,
     /// Step of the reported ranges, metres; 0 for none.
@@ -22,6 +25,7 @@ impl LaserNoise {
     /// A perfect laser that sees 80 m.
     pub const NONE: LaserNoise = LaserNoise {
         range_std: 0.0,
+        relative: 0.0,
         bearing_std: 0.0,
         quantisation: 0.0,
         dropout: 0.0,
@@ -32,6 +36,19 @@ impl LaserNoise {
     pub fn gaussian(range_std: f64) -> Self {
         LaserNoise { range_std, ..Self::NONE }
     }
+
+    /// The range scanner of USARSim, the simulator of the RoboCup Rescue league: every range up to
+    /// a thousandth too long or too short, nothing beyond 20 m.
+    pub fn usarsim() -> Self {
+        LaserNoise { relative: 0.001, max_range: 20.0, ..Self::NONE }
+    }
+
+    /// Standard deviation of a reading of this range, quantisation included, metres.
+    pub fn range_std_at(&self, range: f64) -> f64 {
+        // A uniform error within +-a has the variance a^2 / 3.
+        let uniform = (self.relative * range).powi(2) + 0.25 * self.quantisation.powi(2);
+        (self.range_std.powi(2) + uniform / 3.0).sqrt()
+    }
 }
 
 impl Default for LaserNoise {
@@ -39,6 +56,7 @@ impl Default for LaserNoise {
     fn default() -> Self {
         LaserNoise {
             range_std: 0.015,
+            relative: 0.0,
             bearing_std: 0.0005,
             quantisation: 0.01,
             dropout: 0.002,
@@ -110,13 +128,18 @@ impl Scanner {
         let noise = &self.noise;
         let bearing = self.laser.bearing(beam) + noise.bearing_std * standard_normal(rng);
         let range_error = noise.range_std * standard_normal(rng);
+        // Drawn by scanners alone that have this error: the others' scans stay what they were.
+        let scale = match noise.relative {
+            0.0 => 1.0,
+            share => 1.0 + rng.random_range(-share..share),
+        };
         let dropped = rng.random::<f64>() < noise.dropout;
         let hit = world.cast(laser.translation(), laser.rotate(unit(bearing)), self.max_range());
         let nothing = f64::from(self.laser.range_max_m) + 1.0;
         let Some(hit) = hit.filter(|_| !dropped) else {
             return nothing;
         };
-        let range = (hit.range + range_error).max(0.0);
+        let range = (hit.range * scale + range_error).max(0.0);
         let step = noise.quantisation;
         if step > 0.0 { (range / step).round() * step } else { range }
     }
