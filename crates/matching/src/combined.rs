@@ -1,7 +1,7 @@
 use crate::{
-    FastMatcher, FastSettings, FieldMatcher, FieldSettings, LikelihoodPyramid, LikelihoodSettings,
-    LinePoint, MatchResult, MatchStatus, Matcher, PointCloud, Prior, SearchSettings, SearchWindow,
-    SurfelField, WsmMatcher, WsmSettings,
+    Candidate, FastMatcher, FastSettings, FieldMatcher, FieldSettings, LikelihoodPyramid,
+    LikelihoodSettings, LinePoint, MatchResult, MatchStatus, Matcher, PointCloud, Prior,
+    SearchSettings, SearchWindow, SurfelField, WsmMatcher, WsmSettings,
 };
 use geometry::{Matrix3, Pose2, Vector2, Vector3, wrap_angle};
 use serde::{Deserialize, Serialize};
@@ -23,6 +23,8 @@ pub struct CombinedSettings {
     pub min_score: f32,
     /// How many distinct grid poses are refined.
     pub candidates: usize,
+    /// Grid poses that score less than the best by more than this are not refined.
+    pub below_best: f32,
     /// About this many of the scan's points are searched with.
     pub search_points: usize,
     /// The table that is searched.
@@ -35,9 +37,11 @@ pub struct CombinedSettings {
     pub field: FieldSettings,
     /// The error model of points and the local matcher for trees, legs and other scattered points.
     pub scattered: WsmSettings,
-    /// Another pose that explains a share of the scan smaller by less than this makes a match
-    /// ambiguous.
-    pub rival_margin: f64,
+    /// Another pose makes a match ambiguous if the share of the scan that it explains is smaller by
+    /// less than this ...
+    pub rival_explained: f64,
+    /// ... and its inlier ratio by less than this.
+    pub rival_inliers: f64,
 }
 
 impl Default for CombinedSettings {
@@ -48,8 +52,9 @@ impl Default for CombinedSettings {
             weak_m: 0.2,
             weak_rad: 0.15,
             min_score: 0.2,
-            candidates: 5,
-            search_points: 180,
+            candidates: 12,
+            below_best: 0.12,
+            search_points: 150,
             likelihood: LikelihoodSettings {
                 cell_m: 0.1,
                 sigma_m: 0.1,
@@ -60,7 +65,8 @@ impl Default for CombinedSettings {
             fast: FastSettings::default(),
             field: FieldSettings::default(),
             scattered: WsmSettings { gate_start_m: 0.4, ..WsmSettings::default() },
-            rival_margin: 0.03,
+            rival_explained: 0.04,
+            rival_inliers: 0.05,
         }
     }
 }
@@ -84,8 +90,8 @@ impl Matcher for CombinedMatcher {
 
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
         let window = self.settings.window(prior);
-        let levels = window.map_or(0, |w| w.levels(self.settings.likelihood.cell_m));
-        let prepared = self.prepare(reference, levels);
+        let half_m = window.map_or(0.0, |w| w.half_x_m.max(w.half_y_m));
+        let prepared = self.prepare(reference, half_m);
         match window {
             None => prepared.align(scan, prior),
             Some(window) => prepared.search(scan, &window, prior),
@@ -94,15 +100,36 @@ impl Matcher for CombinedMatcher {
 }
 
 impl CombinedMatcher {
-    /// Makes a reference ready for any number of matches: field and tables are built once.
-    /// `levels` is that of the widest search to come, see [`SearchWindow::levels`].
-    pub fn prepare<'a>(&self, reference: &'a PointCloud, levels: u8) -> CombinedReference<'a> {
-        let settings = LikelihoodSettings { levels, ..self.settings.likelihood };
+    /// Makes a reference ready for any number of matches: field and tables are built once. Windows
+    /// of up to `half_m` to each side will be searched, none if it is zero.
+    pub fn prepare<'a>(&self, reference: &'a PointCloud, half_m: f64) -> CombinedReference<'a> {
+        let s = &self.settings;
         CombinedReference {
             settings: self.settings,
             reference,
-            pyramid: (levels > 0).then(|| LikelihoodPyramid::build(reference, &settings)),
-            field: self.settings.local().field_of(reference),
+            tables: (half_m > 0.0).then(|| Tables::new(reference, half_m, &s.likelihood)),
+            field: s.local().field_of(reference),
+        }
+    }
+}
+
+impl Tables {
+    fn new(reference: &PointCloud, half_m: f64, settings: &LikelihoodSettings) -> Self {
+        let factor = if half_m > WIDE_M { WIDE_FACTOR } else { 1.0 };
+        let (cell_m, sigma_m) = (factor * settings.cell_m, factor * settings.sigma_m);
+        let window = SearchWindow {
+            centre: Pose2::IDENTITY,
+            half_x_m: half_m,
+            half_y_m: half_m,
+            half_yaw_rad: PI,
+        };
+        let levels = window.levels(cell_m);
+        let search = LikelihoodSettings { cell_m, sigma_m, levels, ..*settings };
+        let near =
+            LikelihoodSettings { cell_m: NEAR_CELL_M, sigma_m: NEAR_M, levels: 0, ..*settings };
+        Tables {
+            search: LikelihoodPyramid::build(reference, &search),
+            near: LikelihoodPyramid::build(reference, &near),
         }
     }
 }
@@ -138,8 +165,24 @@ impl CombinedSettings {
 pub struct CombinedReference<'a> {
     settings: CombinedSettings,
     reference: &'a PointCloud,
-    pyramid: Option<LikelihoodPyramid>,
+    tables: Option<Tables>,
     field: Option<SurfelField>,
+}
+
+/// What a wide search looks things up in.
+#[derive(Clone, Debug)]
+struct Tables {
+    search: LikelihoodPyramid,
+    /// Fine and without levels: tells whether a point lies on something.
+    near: LikelihoodPyramid,
+}
+
+/// An answer of the local matcher with the share of the scan that lies on surfaces of the
+/// reference and could be seen there.
+#[derive(Clone, Copy)]
+struct Refined {
+    result: MatchResult,
+    explained: f64,
 }
 
 /// A scan with what of it lies on lines, if that is enough for the fast matcher.
@@ -151,6 +194,11 @@ struct PreparedScan<'a> {
 /// Answers nearer to each other than this are the same, metres and radians.
 const SAME_M: f64 = 0.3;
 const SAME_RAD: f64 = 0.2;
+/// Answers farther apart than this are not the same even along a direction that is not observed.
+const SAME_PLACE_M: f64 = 2.5;
+/// When as many grid poses were found as were wanted, and the last scores less than the best by
+/// less than this, there are others.
+const TIED: f32 = 0.02;
 /// Grid poses of a search are at least this share of its window apart, and no more than
 /// [`FARTHEST_APART_M`].
 const APART: f64 = 0.3;
@@ -165,27 +213,54 @@ impl CombinedReference<'_> {
     /// Searches a window for a scan, refines what was found and says whether another place fits as
     /// well.
     pub fn search(&self, scan: &PointCloud, window: &SearchWindow, prior: &Prior) -> MatchResult {
-        let s = &self.settings;
-        let scan = &*scan.in_order();
-        let stride = scan.len().div_ceil(s.search_points.max(1)).max(1);
-        let points: Vec<Vector2<f32>> =
-            scan.points.iter().step_by(stride).map(|p| p.position.cast()).collect();
-        let Some(pyramid) = self.pyramid.as_ref().filter(|_| points.len() >= MIN_POINTS) else {
-            return MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints);
-        };
         let half_m = window.half_x_m.max(window.half_y_m);
         let settings = SearchSettings {
-            min_score: s.min_score,
-            candidates: s.candidates,
+            min_score: self.settings.min_score,
+            candidates: self.settings.candidates,
+            below_best: self.settings.below_best,
             separation_m: (APART * half_m).clamp(SAME_M, FARTHEST_APART_M),
             separation_rad: SAME_RAD,
             ..SearchSettings::default()
         };
-        let found = pyramid.search_many(&points, window, &settings).candidates;
+        let found = self.candidates(scan, window, &settings);
         let scan = self.prepare_scan(scan);
-        let refined: Vec<MatchResult> =
-            found.iter().map(|candidate| self.refine(&scan, &candidate.pose, prior)).collect();
-        self.choose(&refined, prior)
+        let s = &self.settings;
+        let cut_off = found.len() >= s.candidates.max(1)
+            && found[found.len() - 1].score > found[0].score - TIED;
+        let refine = |candidate: &Candidate| {
+            let result = self.refine(&scan, &candidate.pose, prior);
+            Refined { result, explained: self.explained(scan.cloud, &result.pose) }
+        };
+        let refined: Vec<Refined> = found.iter().map(refine).collect();
+        let best = self.choose(&refined, prior);
+        match refined.last() {
+            // More places fit as well as those looked at than can be told apart.
+            Some(last) if cut_off && best.status == MatchStatus::Converged => {
+                let status = MatchStatus::Ambiguous { rival: last.result.pose };
+                MatchResult { status, ..best }
+            }
+            _ => best,
+        }
+    }
+
+    /// The grid poses of a window at which a scan fits best, not refined; none if there are too few
+    /// points or no tables.
+    pub fn candidates(
+        &self,
+        scan: &PointCloud,
+        window: &SearchWindow,
+        settings: &SearchSettings,
+    ) -> Vec<Candidate> {
+        let scan = scan.in_order();
+        let stride = scan.len().div_ceil(self.settings.search_points.max(1)).max(1);
+        let points: Vec<Vector2<f32>> =
+            scan.points.iter().step_by(stride).map(|p| p.position.cast()).collect();
+        match &self.tables {
+            Some(tables) if points.len() >= MIN_POINTS => {
+                tables.search.search_many(&points, window, settings).candidates
+            }
+            _ => Vec::new(),
+        }
     }
 
     fn prepare_scan<'b>(&self, cloud: &'b PointCloud) -> PreparedScan<'b> {
@@ -204,25 +279,50 @@ impl CombinedReference<'_> {
         matcher.align_from(self.reference, scan.cloud, start, prior)
     }
 
+    /// Share of a scan's points that lie within [`NEAR_M`] of something at a pose, and in front of
+    /// which nothing stands in the way.
+    fn explained(&self, scan: &PointCloud, pose: &Pose2) -> f64 {
+        let Some(tables) = &self.tables else { return 0.0 };
+        let as_f32 = |p: Vector2<f64>| (p.x as f32, p.y as f32);
+        let half_m = SURFEL_SHARE * self.settings.field.cell_m;
+        let explained = scan.points.iter().filter(|p| {
+            let at = pose.transform(p.position);
+            let (x, y) = tables.near.cell_of(&at);
+            let clear = (p.range - CLOSE_BEHIND_M).max(0.0);
+            let laser = p.position - p.ray * p.range;
+            let (from, to) = (pose.transform(laser), pose.transform(laser + p.ray * clear));
+            tables.near.value(0, x, y) >= ONE_SIGMA
+                && self
+                    .field
+                    .as_ref()
+                    .is_none_or(|field| !field.blocks(as_f32(from), as_f32(to), half_m))
+        });
+        explained.count() as f64 / scan.len().max(1) as f64
+    }
+
     /// The answer that explains most of the scan; ambiguous if one elsewhere explains as much.
-    fn choose(&self, refined: &[MatchResult], prior: &Prior) -> MatchResult {
-        let usable = || refined.iter().filter(|result| result.status.is_usable());
-        let most = |best: Option<MatchResult>, next: &MatchResult| match best {
-            Some(best) if best.inlier_ratio >= next.inlier_ratio => Some(best),
+    fn choose(&self, refined: &[Refined], prior: &Prior) -> MatchResult {
+        let usable = || refined.iter().filter(|answer| answer.result.status.is_usable());
+        let merit = |answer: &Refined| answer.explained + answer.result.inlier_ratio;
+        let most = |best: Option<Refined>, next: &Refined| match best {
+            Some(best) if merit(&best) >= merit(next) => Some(best),
             _ => Some(*next),
         };
         let Some(best) = usable().fold(None, most) else {
-            let status = MatchStatus::Diverged;
-            return refined.first().copied().unwrap_or(MatchResult::failed(prior.pose, 0, status));
+            let nothing = MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints);
+            return refined.first().map_or(nothing, |answer| answer.result);
         };
-        let rival = usable()
-            .filter(|other| other.inlier_ratio > best.inlier_ratio - self.settings.rival_margin)
-            .find(|other| !is_same(other, &best));
-        match rival {
-            Some(rival) => {
-                MatchResult { status: MatchStatus::Ambiguous { rival: rival.pose }, ..best }
+        let s = &self.settings;
+        let as_good = |other: &&Refined| {
+            other.explained > best.explained - s.rival_explained
+                && other.result.inlier_ratio > best.result.inlier_ratio - s.rival_inliers
+        };
+        match usable().filter(as_good).find(|other| !is_same(&other.result, &best.result)) {
+            Some(Refined { result: rival, .. }) => {
+                let status = MatchStatus::Ambiguous { rival: rival.pose };
+                MatchResult { status, ..best.result }
             }
-            None => best,
+            None => best.result,
         }
     }
 }
@@ -235,10 +335,24 @@ fn is_same(other: &MatchResult, best: &MatchResult) -> bool {
     if let MatchStatus::Degenerate { weak_axis } = best.status
         && let Some(axis) = weak_axis.xy().try_normalize(1e-9)
     {
-        shift -= axis * axis.dot(&shift);
+        let along = axis.dot(&shift).clamp(-SAME_PLACE_M, SAME_PLACE_M);
+        shift -= axis * along;
     }
     shift.norm() < SAME_M && wrap_angle(apart.yaw).abs() < SAME_RAD
 }
 
+/// Windows farther than this to each side are searched with cells and blur larger by the factor:
+/// what is lost by that, refinement makes good.
+const WIDE_M: f64 = 5.0;
+const WIDE_FACTOR: f64 = 2.0;
+/// A point this near to a reference point lies on something, metres; and the table that tells so.
+const NEAR_M: f64 = 0.1;
+const NEAR_CELL_M: f64 = 0.05;
+/// The likelihood at one standard deviation, of 255.
+const ONE_SIGMA: u8 = 154;
+/// Half the length of a surfel that hides what is behind it, in cells: openings must stay open.
+const SURFEL_SHARE: f32 = 0.6;
+/// What stands less than this before a point does not hide it, metres.
+const CLOSE_BEHIND_M: f64 = 0.3;
 /// Fewer points than this are not searched for.
 const MIN_POINTS: usize = 4;

@@ -45,6 +45,8 @@ pub struct SearchSettings {
     pub min_score: f32,
     /// How many distinct candidates are wanted.
     pub candidates: usize,
+    /// Poses that score less than the best by more than this are not looked for.
+    pub below_best: f32,
     /// Two candidates are distinct when they are farther apart than this, metres ...
     pub separation_m: f64,
     /// ... or turned by more than this, radians.
@@ -58,6 +60,7 @@ impl Default for SearchSettings {
         SearchSettings {
             min_score: 0.4,
             candidates: 1,
+            below_best: 1.0,
             separation_m: 0.5,
             separation_rad: 0.3,
             max_windows: 1_000_000,
@@ -168,6 +171,11 @@ impl PartialOrd for Node {
 /// on.
 const MERGE_LEVEL: u8 = 3;
 
+/// The floor above which sums of at least `lowest` lie.
+fn floor_below(lowest: f64) -> u32 {
+    ((lowest - 1e-6).ceil() as u32).saturating_sub(1)
+}
+
 pub(crate) struct Search<'a> {
     pub projections: Projections<'a>,
     settings: &'a SearchSettings,
@@ -211,7 +219,7 @@ impl<'a> Search<'a> {
             points: points.len(),
             coarsest: pyramid.top_level().saturating_sub(1) as u8,
             reach: (reach(window.half_x_m), reach(window.half_y_m)),
-            floor: ((lowest - 1e-6).ceil() as u32).saturating_sub(1),
+            floor: floor_below(lowest),
             heap: BinaryHeap::new(),
             windows: 0,
         })
@@ -219,16 +227,16 @@ impl<'a> Search<'a> {
 
     fn run(mut self) -> SearchOutcome {
         let mut complete = self.push_roots();
-        if self.settings.candidates == 1 {
-            self.dive();
-        }
+        self.dive();
         let mut found: Vec<Candidate> = Vec::new();
-        while let Some(node) = self.heap.pop() {
+        while let Some(node) = self.heap.pop().filter(|node| node.sum > self.floor) {
+            if self.is_taken(&node, &found) {
+                continue;
+            }
             if node.level == 0 && node.yaw_level == 0 {
                 let candidate = self.candidate(&node);
-                if found.iter().all(|other| self.distinct(other, &candidate)) {
-                    found.push(candidate);
-                }
+                found.push(candidate);
+                self.raise_floor(candidate.score - self.settings.below_best);
                 if found.len() == self.settings.candidates {
                     break;
                 }
@@ -252,6 +260,13 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Drops windows that cannot hold a pose of this score; called with falling scores, of which the
+    /// first is the highest.
+    fn raise_floor(&mut self, score: f32) {
+        let lowest = f64::from(score.max(0.0)) * 255.0 * self.points as f64;
+        self.floor = self.floor.max(floor_below(lowest));
+    }
+
     /// Goes straight down from the most promising window to one pose, and lets its score prune.
     fn dive(&mut self) {
         let Some(&top) = self.heap.peek() else { return };
@@ -269,8 +284,12 @@ impl<'a> Search<'a> {
             let Some(best) = best else { return };
             node = best;
         }
-        // The pose itself must stay reachable: only strictly worse windows are dropped.
-        self.floor = self.floor.max(node.sum.saturating_sub(1));
+        // Poses that score as much must stay reachable, and as many as are wanted below them.
+        let wanted = match self.settings.candidates {
+            1 => 0,
+            _ => (self.settings.below_best.clamp(0.0, 1.0) * 255.0 * self.points as f32) as u32,
+        };
+        self.floor = self.floor.max(node.sum.saturating_sub(wanted + 1));
     }
 
     /// Examines the coarsest windows, which together cover the search window once; false if there
@@ -330,8 +349,21 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn distinct(&self, a: &Candidate, b: &Candidate) -> bool {
-        a.pose.distance(&b.pose) > self.settings.separation_m
-            || geometry::wrap_angle(a.pose.yaw - b.pose.yaw).abs() > self.settings.separation_rad
+    /// Whether all poses of a window are too near to one and the same candidate to be distinct.
+    fn is_taken(&self, node: &Node, found: &[Candidate]) -> bool {
+        let cells = f64::from((1 << node.level) - 1);
+        let yaws = f64::from((1 << node.yaw_level) - 1);
+        let first = self.candidate(&Node { yaw: node.yaw << node.yaw_level, ..*node }).pose;
+        let half_m = 0.5 * cells * self.cell;
+        let steps = self.projections.steps();
+        let half_yaw = 0.5 * (steps.offset(yaws) - steps.offset(0.0));
+        let s = self.settings;
+        found.iter().any(|other| {
+            // The farthest corner, and the farthest end of the yaws.
+            let x = (first.x + half_m - other.pose.x).abs() + half_m;
+            let y = (first.y + half_m - other.pose.y).abs() + half_m;
+            let yaw = geometry::wrap_angle(first.yaw + half_yaw - other.pose.yaw).abs() + half_yaw;
+            x * x + y * y <= s.separation_m * s.separation_m && yaw <= s.separation_rad
+        })
     }
 }

@@ -214,8 +214,9 @@ impl SurfelField {
     }
 
     /// True when a surface of the map that faces the viewer lies between `from` and `to` (field
-    /// frame).
-    pub fn blocks(&self, from: (f32, f32), to: (f32, f32)) -> bool {
+    /// frame). Surfels reach `half_length_m` to each side: a whole cell leaves no gaps in walls and
+    /// makes openings narrower by that, less does the opposite.
+    pub fn blocks(&self, from: (f32, f32), to: (f32, f32), half_length_m: f32) -> bool {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let length = (dx * dx + dy * dy).sqrt();
         // No line of sight inside the window is longer than its sides together.
@@ -232,8 +233,12 @@ impl SurfelField {
             cell >> 16 <= ADJACENT
                 && self.surfels.get(index_in(cell)).is_some_and(|s| {
                     let (nx, ny) = s.normal();
-                    nx * ux + ny * uy < -0.5
-                        && self.offset_from(index_in(cell), x, y).iter().all(|d| d.abs() <= cell_m)
+                    let approach = nx * ux + ny * uy;
+                    let [across, along] = self.offset_from(index_in(cell), x, y);
+                    // Where the line of sight meets the surfel's line, seen from here.
+                    let ahead = -across / approach;
+                    let along = along + ahead * (nx * uy - ny * ux);
+                    approach < -0.5 && ahead.abs() <= cell_m && along.abs() <= half_length_m
                 })
         })
     }

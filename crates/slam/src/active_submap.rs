@@ -82,7 +82,11 @@ impl ActiveSubmap {
             }
             let short = laser + (end - laser) * ((range - BEFORE_END_M) / range);
             lines += 1;
-            blocked += usize::from(self.field.blocks((laser.x, laser.y), (short.x, short.y)));
+            blocked += usize::from(self.field.blocks(
+                (laser.x, laser.y),
+                (short.x, short.y),
+                self.field.settings().cell_m,
+            ));
         }
         blocked as f64 / lines.max(1) as f64
     }

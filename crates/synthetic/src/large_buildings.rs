@@ -6,6 +6,13 @@ use rand::{Rng, SeedableRng, rngs::StdRng};
 /// row by row: the place-recognition trap. One block is 12 x 10 m; a run of size 3 is some 200 m
 /// long.
 pub fn office(seed: u64, size: usize, robot: &Robot) -> Run {
+    let size = size.clamp(1, 20);
+    Run::record(office_plan(seed, size), robot, &office_way(size), seed)
+}
+
+/// The floor plan of [`office`]: 14 m to a block along x and 12 m along y, and 2 m of corridor
+/// around.
+pub fn office_plan(seed: u64, size: usize) -> FloorPlan {
     let rng = &mut StdRng::seed_from_u64(seed);
     let size = size.clamp(1, 20);
     let (width, height) = (14.0 * size as f64 + 2.0, 12.0 * size as f64 + 2.0);
@@ -24,7 +31,7 @@ pub fn office(seed: u64, size: usize, robot: &Robot) -> Run {
             }
         }
     }
-    Run::record(plan, robot, &way, seed)
+    plan
 }
 
 /// Four equal rooms of 6 x 5 m, each with one door at nearly the same place.

@@ -36,7 +36,7 @@ pub use carmen::{write_carmen, write_relations};
 pub use drive::Drive;
 pub use error::SyntheticError;
 pub use floor_plan::{Circle, FloorPlan, Wall};
-pub use large_buildings::{hall, office, ring_corridor};
+pub use large_buildings::{hall, office, office_plan, ring_corridor};
 pub use normal::standard_normal;
 pub use ray_caster::{RayCaster, SurfaceHit};
 pub use room::{RoomPair, noisy_room, noisy_room_pair};

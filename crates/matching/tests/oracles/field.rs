@@ -219,14 +219,14 @@ fn sight_is_blocked_by_walls_that_face_it() {
     let mut field = empty();
     field.insert(scan, &Pose2::new(0.0, 0.0, 1.57));
     for x in [-2.0f32, -0.3, 1.1] {
-        assert!(field.blocks((x, 0.0), (x + 0.4, 6.0)), "through the wall at {x}");
-        assert!(!field.blocks((x, 0.0), (x + 0.4, 2.6)), "short of it");
-        assert!(!field.blocks((x, 6.0), (x + 0.4, 0.0)), "its back was never seen");
-        assert!(!field.blocks((x, 3.5), (x, 6.0)), "behind it");
+        assert!(field.blocks((x, 0.0), (x + 0.4, 6.0), 0.1), "through the wall at {x}");
+        assert!(!field.blocks((x, 0.0), (x + 0.4, 2.6), 0.1), "short of it");
+        assert!(!field.blocks((x, 6.0), (x + 0.4, 0.0), 0.1), "its back was never seen");
+        assert!(!field.blocks((x, 3.5), (x, 6.0), 0.1), "behind it");
     }
-    assert!(!field.blocks((10.0, 0.0), (10.0, 6.0)), "past its end");
-    assert!(!field.blocks((0.0, 0.0), (f32::NAN, 6.0)), "nowhere");
-    assert!(field.blocks((0.0, 0.0), (0.0, 1e3)), "far beyond the field");
+    assert!(!field.blocks((10.0, 0.0), (10.0, 6.0), 0.1), "past its end");
+    assert!(!field.blocks((0.0, 0.0), (f32::NAN, 6.0), 0.1), "nowhere");
+    assert!(field.blocks((0.0, 0.0), (0.0, 1e3), 0.1), "far beyond the field");
 }
 
 #[test]
