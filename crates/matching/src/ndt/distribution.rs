@@ -173,18 +173,15 @@ impl Sums {
         (eigen.eigenvalues.min() < ONE_WALL + variance).then_some(wall)
     }
 
+    /// By the points' normals where they are known: lines fitted to more than one small cell.
     fn observed(&self, wall: Option<&Wall>) -> Matrix2<f64> {
-        match wall {
-            Some(Wall { normal, variance }) => {
-                let along = turned(normal);
-                normal * normal.transpose() - along * along.transpose() * *variance
-            }
-            None if self.knows_normals() => {
-                let (count, squares, variances) = self.normals;
-                squares / count - Matrix2::identity() * (variances / count)
-            }
-            None => Matrix2::identity() * 0.5,
+        if self.knows_normals() {
+            let (count, squares, variances) = self.normals;
+            return squares / count - Matrix2::identity() * (variances / count);
         }
+        let Some(Wall { normal, variance }) = wall else { return Matrix2::identity() * 0.5 };
+        let along = turned(normal);
+        normal * normal.transpose() - along * along.transpose() * *variance
     }
 }
 
