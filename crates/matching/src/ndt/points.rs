@@ -61,8 +61,8 @@ impl Score for Points<'_> {
         })
     }
 
-    /// The spread of the gradient as the scan's points show it, and what the reference's errors add:
-    /// as much where it has as many points, less where it has more.
+    /// The spread of the gradient as the scan's points show it, and what the reference's errors
+    /// add: as much where it has as many points, less where it has more.
     fn doubt(&self, pose: &Pose2) -> Doubt {
         let spread: Matrix3<f64> = self.each(pose).map(|one| one.g * one.g.transpose()).sum();
         let mut hits = vec![0.0; self.cells.distributions.len()];
