@@ -2,17 +2,19 @@
 //! Equations: docs/math/ndt.md.
 
 mod cells;
+mod climbing;
+mod distribution;
 mod distributions;
 mod newton;
 mod points;
+mod table;
 
-use crate::closest::{scale, weak_axis};
-use crate::fast::turn;
-use crate::{CloudPoint, MatchResult, MatchStatus, Matcher, PointCloud, Prior};
+use crate::{CloudPoint, MatchResult, Matcher, PointCloud, Prior};
 use cells::Cells;
+use climbing::align;
 use distributions::Distributions;
-use geometry::{LieGroup, Matrix3, Pose2};
-use newton::{Cost, Summit, climb};
+use geometry::{Matrix3, Pose2};
+use newton::Cost;
 use points::Points;
 use serde::{Deserialize, Serialize};
 
@@ -26,10 +28,20 @@ pub struct NdtSettings {
     pub resolutions: u32,
     /// Fewer points than this make no cell.
     pub min_points: usize,
+    /// How often a cell is doubled for points that are too few for one.
+    pub doublings: u32,
     /// A cell's smaller variance is at least this share of its larger one ...
     pub flatness: f64,
     /// ... and so many times that share at each coarser resolution: walls must be felt from afar.
     pub widening: f64,
+    /// Factor on squared distances, `d2` of Stoyanov et al.: less lets farther points pull.
+    pub softness: f64,
+    /// Turned starts to either side, climbed where the first one leads nowhere ...
+    pub turned_starts: u32,
+    /// ... each so much farther, radians.
+    pub start_step_rad: f64,
+    /// A climb at the largest cells that explains less than this share may have led nowhere.
+    pub good_fit: f64,
     /// Upper bound on Newton steps per resolution.
     pub max_iterations: u32,
     /// A step shorter than this, metres (and radians at 5 m), ends a resolution.
@@ -38,6 +50,8 @@ pub struct NdtSettings {
     pub min_inlier_ratio: f64,
     /// A result farther from the start than this has left the search region, metres.
     pub max_shift_m: f64,
+    /// The same for turns, radians.
+    pub max_turn_rad: f64,
     /// See `ClosestSettings::degenerate_ratio`.
     pub degenerate_ratio: f64,
 }
@@ -46,14 +60,20 @@ impl Default for NdtSettings {
     fn default() -> Self {
         NdtSettings {
             coarsest_m: 2.0,
-            resolutions: 3,
+            resolutions: 4,
             min_points: 3,
+            doublings: 1,
             flatness: 1e-3,
             widening: 10.0,
+            softness: 0.2,
+            turned_starts: 2,
+            start_step_rad: 0.3,
+            good_fit: 0.6,
             max_iterations: 40,
             step_m: 1e-4,
             min_inlier_ratio: 0.15,
             max_shift_m: 3.0,
+            max_turn_rad: 0.8,
             degenerate_ratio: 5e-3,
         }
     }
@@ -78,15 +98,16 @@ pub struct NdtMatcher {
 pub struct NdtD2dSettings {
     /// What it shares with points to distributions.
     pub ndt: NdtSettings,
-    /// Factor on squared distances, `d2` of the paper: less lets farther cells pull.
-    pub softness: f64,
     /// Standard deviation of a range, metres, for the covariance.
     pub range_std_m: f64,
 }
 
 impl Default for NdtD2dSettings {
     fn default() -> Self {
-        NdtD2dSettings { ndt: NdtSettings::default(), softness: 1.0, range_std_m: 0.015 }
+        NdtD2dSettings {
+            ndt: NdtSettings { softness: 0.4, ..NdtSettings::default() },
+            range_std_m: 0.015,
+        }
     }
 }
 
@@ -99,13 +120,12 @@ pub struct NdtD2dMatcher {
     pub settings: NdtD2dSettings,
 }
 
-/// A point within three standard deviations of a cell is explained by it.
-const EXPLAINED: f64 = 0.011;
-
 /// What is climbed at one resolution.
 trait Score {
     fn cost(&self, pose: &Pose2) -> Cost;
     fn doubt(&self, pose: &Pose2) -> Doubt;
+    /// What of the scan is compared: the cost is at least `-4` for each.
+    fn weight(&self) -> f64;
 }
 
 /// What remains unknown at the top.
@@ -116,39 +136,11 @@ struct Doubt {
     explained: usize,
 }
 
-/// Climbs from large cells to small ones; `score` is given the cells' side in metres and flatness.
-fn align<S: Score>(
-    s: &NdtSettings,
-    scan: &PointCloud,
-    prior: &Prior,
-    score: impl Fn(f64, f64) -> S,
-) -> MatchResult {
-    let resolutions = s.resolutions.clamp(1, 10);
-    let finest_m = s.coarsest_m * 0.5f64.powi(resolutions as i32 - 1);
-    let (mut summit, mut iterations) =
-        (Summit { pose: prior.pose, iterations: 0, settled: false }, 0);
-    let mut last = None;
-    for resolution in (0..resolutions).rev() {
-        let flatness = s.flatness * s.widening.powi(resolution as i32);
-        let score = score(finest_m * 2f64.powi(resolution as i32), flatness.min(1.0));
-        let limits = (s.step_m, s.max_iterations);
-        summit = climb(|pose| score.cost(pose), summit.pose, prior, limits);
-        iterations += summit.iterations;
-        last = Some(score);
-    }
-    let Summit { pose, settled, .. } = summit;
-    let Some((here, doubt)) = last.map(|score| (score.cost(&pose), score.doubt(&pose))) else {
-        return MatchResult::failed(prior.pose, iterations, MatchStatus::TooFewPoints);
-    };
-    if doubt.explained < 6 || scan.len() < 6 {
-        return MatchResult::failed(prior.pose, iterations, MatchStatus::TooFewPoints);
-    }
-    if !settled || !pose.is_finite() || pose.distance(&prior.pose) > s.max_shift_m {
-        return MatchResult::failed(prior.pose, iterations, MatchStatus::Diverged);
-    }
-    let inlier_ratio = doubt.explained as f64 / scan.len() as f64;
-    conclude((&here.h, &doubt.spread), pose, iterations, inlier_ratio, s)
-}
+/// Beyond this squared distance a cell does not pull.
+const FAR: f64 = 30.0;
+
+/// With the largest cells about this many points are enough.
+const COARSE_POINTS: usize = 120;
 
 /// Points that are finite and not absurdly far.
 fn sane(cloud: &PointCloud) -> PointCloud {
@@ -162,10 +154,13 @@ impl Matcher for NdtMatcher {
     }
 
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
-        let (reference, scan) = (sane(reference), sane(scan));
-        align(&self.settings, &scan, prior, |side_m, flatness| Points {
-            cells: Cells::new(&reference, side_m, flatness, self.settings.min_points),
+        let s = &self.settings;
+        let (reference, scan) = (sane(reference), sane(&scan.in_order()));
+        align(s, &scan, prior, |level| Points {
+            cells: Cells::new(&reference, &level.shape(s, true)),
             scan: &scan,
+            every: if level.coarsest { scan.len() / COARSE_POINTS } else { 1 },
+            softness: s.softness,
         })
     }
 }
@@ -176,48 +171,15 @@ impl Matcher for NdtD2dMatcher {
     }
 
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
-        let NdtD2dSettings { ndt, softness, range_std_m } = self.settings;
+        let NdtD2dSettings { ndt, range_std_m } = self.settings;
         let (reference, scan) = (sane(reference), sane(scan));
-        let cells = |cloud: &PointCloud, side_m, flatness| {
-            Cells::new(cloud, side_m, flatness, ndt.min_points)
-        };
-        align(&ndt, &scan, prior, |side_m, flatness| Distributions {
-            cells: cells(&reference, side_m, flatness),
+        align(&ndt, &scan, prior, |level| Distributions {
+            cells: Cells::new(&reference, &level.shape(&ndt, true)),
             reference: &reference,
-            scan_cells: cells(&scan, side_m, flatness),
+            scan_cells: Cells::new(&scan, &level.shape(&ndt, false)),
             scan: &scan,
-            softness,
+            softness: ndt.softness,
             range_std_m,
         })
     }
-}
-
-/// Covariance `H^-1 spread H^-1`, in the scan's frame.
-fn conclude(
-    (h, spread): (&Matrix3<f64>, &Matrix3<f64>),
-    pose: Pose2,
-    iterations: u32,
-    inlier_ratio: f64,
-    s: &NdtSettings,
-) -> MatchResult {
-    let turn = turn(&pose);
-    let (h, spread) = (turn.transpose() * h * turn, turn.transpose() * spread * turn);
-    let scale = scale();
-    let eigen = (scale * h * scale).symmetric_eigen();
-    let most = eigen.eigenvalues.max();
-    if most <= 0.0 {
-        return MatchResult::failed(pose, iterations, MatchStatus::Diverged);
-    }
-    let inverse = eigen.eigenvalues.map(|v| 1.0 / v.max(1e-6 * most));
-    let inverse = scale
-        * (eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose())
-        * scale;
-    let covariance = inverse * spread * inverse;
-    let status = match weak_axis(&h, s.degenerate_ratio) {
-        _ if inlier_ratio < s.min_inlier_ratio => MatchStatus::Diverged,
-        Some(weak_axis) => MatchStatus::Degenerate { weak_axis },
-        None => MatchStatus::Converged,
-    };
-    let covariance = 0.5 * (covariance + covariance.transpose());
-    MatchResult { pose, covariance, inlier_ratio, iterations, status }
 }

@@ -1,9 +1,10 @@
-use super::cells::{Cells, Distribution};
+use super::cells::Cells;
+use super::distribution::Distribution;
 use super::newton::Cost;
-use super::{Doubt, EXPLAINED, Score};
+use super::{Doubt, FAR, Score};
 use crate::PointCloud;
 use geometry::{Matrix2, Matrix3, Pose2, Vector2, Vector3};
-use nalgebra::Matrix3x2;
+use nalgebra::{Matrix2x3, Matrix3x2};
 
 /// Distributions to distributions (Stoyanov et al. 2012):
 /// `-sum n_i exp(-(d2 / 2) m^T (S_j + R S_i R^T)^-1 m)` over cells `i` of the scan and `j` of the
@@ -30,6 +31,8 @@ struct CellPair {
     curve: Matrix3<f64>,
     /// How the slope follows `m`.
     pull: Matrix3x2<f64>,
+    /// What the pair tells of a displacement.
+    observed: Matrix3<f64>,
 }
 
 impl Distributions<'_> {
@@ -62,6 +65,10 @@ impl Distributions<'_> {
         let b = (target.covariance + cell.covariance).try_inverse()?;
         let j = Matrix2::new(0.0, -1.0, 1.0, 0.0);
         let m = cell.mean + shift - target.mean;
+        let q = m.dot(&(b * m));
+        if self.softness * q > FAR {
+            return None;
+        }
         let d = [Vector2::x(), Vector2::y(), j * cell.mean];
         let z = j * cell.covariance + cell.covariance * j.transpose();
         let zz = j * z + z * j.transpose();
@@ -79,10 +86,11 @@ impl Distributions<'_> {
             }
         }
         curve[(2, 2)] += 2.0 * zv.dot(&bzv) - v.dot(&(zz * v)) - 2.0 * v.dot(&cell.mean);
-        let q = m.dot(&v);
         let fit = (-0.5 * self.softness * q).exp();
         let pull = Matrix3x2::from_fn(|a, c| 2.0 * (b * d[a])[c] - 2.0 * yaw(a) * bzv[c]);
-        Some(CellPair { scan, reference, fit, slope, curve, pull })
+        let derivative = Matrix2x3::from_columns(&d);
+        let observed = derivative.transpose() * target.observed * derivative;
+        Some(CellPair { scan, reference, fit, slope, curve, pull, observed })
     }
 }
 
@@ -97,6 +105,7 @@ impl Score for Distributions<'_> {
             cost.g += pair.slope * (half * e);
             let outer = pair.slope * pair.slope.transpose();
             cost.h += (pair.curve - outer * half) * (half * e);
+            cost.observed += pair.observed * e;
         }
         cost
     }
@@ -119,7 +128,7 @@ impl Score for Distributions<'_> {
         for point in &self.scan.points {
             let cells = self.scan_cells.at(point.position);
             let pull: Matrix3x2<f64> = cells.map(|cell| scan_pull[cell]).sum();
-            explained += usize::from(self.cells.fit(pose.transform(point.position)) > EXPLAINED);
+            explained += usize::from(self.cells.explain(pose.transform(point.position)));
             add(pull * pose.rotate(point.ray));
         }
         for point in &self.reference.points {
@@ -129,10 +138,15 @@ impl Score for Distributions<'_> {
         }
         Doubt { spread: spread * self.range_std_m.powi(2), explained }
     }
+
+    fn weight(&self) -> f64 {
+        self.scan_cells.distributions.iter().map(|cell| cell.count).sum()
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::distribution::Shape;
     use super::*;
     use crate::CloudPoint;
 
@@ -160,7 +174,11 @@ mod tests {
     #[test]
     fn derivatives_are_the_numeric_ones() {
         let (reference, scan) = (corner(0.1), corner(0.13));
-        let [cells, scan_cells] = [&reference, &scan].map(|c| Cells::new(c, 1.0, 0.05, 3));
+        let [cells, scan_cells] = [(&reference, true), (&scan, false)].map(|(cloud, endless)| {
+            let (side_m, flatness) = (1.0, 0.05);
+            let shape = Shape { side_m, flatness, min_points: 3, endless, doublings: 1 };
+            Cells::new(cloud, &shape)
+        });
         let (reference, scan) = (&reference, &scan);
         let (softness, range_std_m) = (0.7, 0.01);
         let score = Distributions { cells, reference, scan_cells, scan, softness, range_std_m };

@@ -6,6 +6,7 @@ mod edge_cases;
 mod field;
 mod laws;
 mod lines;
+mod ndt;
 mod perturbed;
 mod rooms;
 mod search;
