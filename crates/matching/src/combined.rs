@@ -196,9 +196,10 @@ const SAME_M: f64 = 0.3;
 const SAME_RAD: f64 = 0.2;
 /// Answers farther apart than this are not the same even along a direction that is not observed.
 const SAME_PLACE_M: f64 = 2.5;
-/// When as many grid poses were found as were wanted, and the last scores less than the best by
-/// less than this, there are others.
-const TIED: f32 = 0.02;
+/// Grid poses whose scores differ by less than this fit as well as one another.
+const TIED: f32 = 0.04;
+/// So many times more grid poses are refined where too many fit as well as the best.
+const MORE: usize = 6;
 /// Grid poses of a search are at least this share of its window apart, and no more than
 /// [`FARTHEST_APART_M`].
 const APART: f64 = 0.3;
@@ -213,29 +214,33 @@ impl CombinedReference<'_> {
     /// Searches a window for a scan, refines what was found and says whether another place fits as
     /// well.
     pub fn search(&self, scan: &PointCloud, window: &SearchWindow, prior: &Prior) -> MatchResult {
+        let s = &self.settings;
+        let prepared = self.prepare_scan(scan);
         let half_m = window.half_x_m.max(window.half_y_m);
-        let settings = SearchSettings {
-            min_score: self.settings.min_score,
-            candidates: self.settings.candidates,
-            below_best: self.settings.below_best,
+        let mut settings = SearchSettings {
+            min_score: s.min_score,
+            candidates: s.candidates.max(1),
+            below_best: s.below_best,
             separation_m: (APART * half_m).clamp(SAME_M, FARTHEST_APART_M),
             separation_rad: SAME_RAD,
             ..SearchSettings::default()
         };
-        let found = self.candidates(scan, window, &settings);
-        let scan = self.prepare_scan(scan);
-        let s = &self.settings;
-        let cut_off = found.len() >= s.candidates.max(1)
-            && found[found.len() - 1].score > found[0].score - TIED;
+        let mut found = self.candidates(scan, window, &settings);
+        if is_cut_off(&found, &settings) {
+            // Many grid poses are as good as the best: all of those are looked at.
+            settings.candidates *= MORE;
+            settings.below_best = TIED;
+            found = self.candidates(scan, window, &settings);
+        }
         let refine = |candidate: &Candidate| {
-            let result = self.refine(&scan, &candidate.pose, prior);
-            Refined { result, explained: self.explained(scan.cloud, &result.pose) }
+            let result = self.refine(&prepared, &candidate.pose, prior);
+            Refined { result, explained: self.explained(scan, &result.pose) }
         };
         let refined: Vec<Refined> = found.iter().map(refine).collect();
         let best = self.choose(&refined, prior);
         match refined.last() {
-            // More places fit as well as those looked at than can be told apart.
-            Some(last) if cut_off && best.status == MatchStatus::Converged => {
+            // There are more of them still.
+            Some(last) if is_cut_off(&found, &settings) && best.status.is_usable() => {
                 let status = MatchStatus::Ambiguous { rival: last.result.pose };
                 MatchResult { status, ..best }
             }
@@ -324,6 +329,16 @@ impl CombinedReference<'_> {
             }
             None => best.result,
         }
+    }
+}
+
+/// Whether there may be more grid poses as good as the best.
+fn is_cut_off(found: &[Candidate], settings: &SearchSettings) -> bool {
+    match (found.first(), found.last()) {
+        (Some(best), Some(last)) => {
+            found.len() >= settings.candidates && last.score > best.score - TIED
+        }
+        _ => false,
     }
 }
 
