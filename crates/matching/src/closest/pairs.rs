@@ -32,14 +32,7 @@ impl ClosestPair {
 
     /// What is left of the weight when the partner slides along its segment with the scan point.
     pub fn sliding_weight(&self) -> Matrix2<f64> {
-        let Some(along) = self.along else { return self.weight };
-        let pull = self.weight * along;
-        let stiffness = along.dot(&pull);
-        if stiffness > 0.0 {
-            self.weight - pull * pull.transpose() / stiffness
-        } else {
-            self.weight
-        }
+        slid(&self.weight, self.along)
     }
 
     /// Takes a weight; false if it is none, or says nothing finite.
@@ -49,6 +42,14 @@ impl ClosestPair {
         self.error = self.residual.dot(&(weight * self.residual));
         self.error.is_finite() && weight.iter().all(|v| v.is_finite())
     }
+}
+
+/// What is left of a weight when the partner slides.
+pub(super) fn slid(weight: &Matrix2<f64>, along: Option<Vector2<f64>>) -> Matrix2<f64> {
+    let Some(along) = along else { return *weight };
+    let pull = weight * along;
+    let stiffness = along.dot(&pull);
+    if stiffness > 0.0 { weight - pull * pull.transpose() / stiffness } else { *weight }
 }
 
 /// Pairs within the gate, in the order of the scan's points; not weighed yet.
@@ -77,10 +78,10 @@ pub(crate) fn closest_pairs(
     scan.points.iter().enumerate().filter_map(pair).collect()
 }
 
-/// Keeps the share of pairs with the smallest errors, and of those the ones not far beyond the
+/// Keeps this share of pairs, those with the smallest errors, and of those the ones not far beyond the
 /// quantile (Censi, "An ICP variant using a point-to-line metric", ICRA 2008, section III). Equal
 /// errors stay or go together, so that the order of points does not matter.
-pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSettings) {
+pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSettings, keep: f64) {
     if pairs.is_empty() {
         return;
     }
@@ -93,6 +94,6 @@ pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSetting
     // Errors are squares, and so is the factor on their roots.
     let adaptive = settings.adaptive_factor.powi(2) * quantile(settings.adaptive_quantile);
     let most =
-        quantile(settings.keep).min(if adaptive.is_nan() { f64::INFINITY } else { adaptive });
+        quantile(keep).min(if adaptive.is_nan() { f64::INFINITY } else { adaptive });
     pairs.retain(|pair| pair.error <= most);
 }
