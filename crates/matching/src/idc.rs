@@ -100,7 +100,8 @@ impl Matcher for IdcMatcher {
         let all = ClosestPoints { settings, correspondence, weight, scan, locked_turn_rad };
         // From the wide gate again: what turned the scan need not have moved it along a wall.
         let gate_m = s.closest.gate_start_m;
-        let result = all.align_from(pose, gate_m, prior, |here, pose| errors.covariance(here, pose));
+        let result =
+            all.align_from(pose, gate_m, prior, |here, pose| errors.covariance(here, pose));
         MatchResult { iterations: result.iterations + taken, ..result }
     }
 }

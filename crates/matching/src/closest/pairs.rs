@@ -59,8 +59,10 @@ pub(crate) fn closest_pairs(
     pose: &Pose2,
     gate_m: f64,
 ) -> Vec<ClosestPair> {
+    let (sin, cos) = pose.yaw.sin_cos();
+    let (rotation, translation) = (Matrix2::new(cos, -sin, sin, cos), pose.translation());
     let pair = |(scan_index, &scan): (usize, &CloudPoint)| {
-        let moved = pose.transform(scan.position);
+        let moved = rotation * scan.position + translation;
         let Partner { index, point, along } = correspondence.closest(&moved, gate_m)?;
         let residual = point.position - moved;
         let weight = Matrix2::zeros();
@@ -78,8 +80,8 @@ pub(crate) fn closest_pairs(
     scan.points.iter().enumerate().filter_map(pair).collect()
 }
 
-/// Keeps this share of pairs, those with the smallest errors, and of those the ones not far beyond the
-/// quantile (Censi, "An ICP variant using a point-to-line metric", ICRA 2008, section III). Equal
+/// Keeps this share of pairs, those with the smallest errors, and of those the ones not far beyond
+/// the quantile (Censi, "An ICP variant using a point-to-line metric", ICRA 2008, section III). Equal
 /// errors stay or go together, so that the order of points does not matter.
 pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSettings, keep: f64) {
     if pairs.is_empty() {
@@ -93,7 +95,6 @@ pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSetting
     };
     // Errors are squares, and so is the factor on their roots.
     let adaptive = settings.adaptive_factor.powi(2) * quantile(settings.adaptive_quantile);
-    let most =
-        quantile(keep).min(if adaptive.is_nan() { f64::INFINITY } else { adaptive });
+    let most = quantile(keep).min(if adaptive.is_nan() { f64::INFINITY } else { adaptive });
     pairs.retain(|pair| pair.error <= most);
 }
