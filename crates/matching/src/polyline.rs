@@ -51,13 +51,12 @@ impl<'a> Polyline<'a> {
         let next = neighbours(points, settings.segment_m);
         let (mut places, mut owner) = (Vec::new(), Vec::new());
         for (index, from) in points.iter().enumerate() {
-            places.push(from.position);
-            owner.push(index);
-            let Some(to) = next[index] else { continue };
-            let along = points[to].position - from.position;
+            let to = next[index].map_or(from, |to| &points[to]);
+            let along = to.position - from.position;
             let pieces = (along.norm() / PIECE_M).ceil().clamp(1.0, 1e3) as usize;
-            for piece in 1..pieces {
-                places.push(from.position + along * (piece as f64 / pieces as f64));
+            // Nothing of a segment is farther from one of its places than half a piece.
+            for piece in 0..pieces {
+                places.push(from.position + along * ((piece as f64 + 0.5) / pieces as f64));
                 owner.push(index);
             }
         }
@@ -201,4 +200,45 @@ fn neighbours(points: &[CloudPoint], segment_m: f64) -> Vec<Option<usize>> {
 /// Where a point's ray begins.
 pub(crate) fn laser(point: &CloudPoint) -> Vector2<f64> {
     point.position - point.ray * point.range
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PointCloudSettings;
+    use geometry::Pose2;
+    use rand::{Rng, SeedableRng, rngs::StdRng};
+    use synthetic::{LaserNoise, Scanner, noisy_room_pair};
+
+    #[test]
+    fn the_search_finds_what_all_segments_say() {
+        let scanner = Scanner::half_circle(361, LaserNoise::gaussian(0.015));
+        let pair = noisy_room_pair(5, &scanner, 0.3, 0.2);
+        let settings = PointCloudSettings::default();
+        let reference = PointCloud::from_scan(&pair.reference, &Pose2::IDENTITY, &settings);
+        let rng = &mut StdRng::seed_from_u64(9);
+        for length_m in [f64::INFINITY, 3.0] {
+            let settings = PolylineSettings { length_m, segment_m: 0.5, reach_m: 1.5 };
+            let line = Polyline::new(&reference, Vector2::new(0.3, -0.1), settings);
+            for _ in 0..3000 {
+                let near = reference.points[rng.random_range(0..reference.len())].position;
+                let mut off = || rng.random_range(-0.4..0.4);
+                let moved = near + Vector2::new(off(), off());
+                let gate_m = rng.random_range(0.02..0.3);
+                let all = (0..reference.len())
+                    .map(|index| (line.closest_on(index, &moved), index))
+                    .min_by(|a, b| a.0.distance2.total_cmp(&b.0.distance2).then(a.1.cmp(&b.1)))
+                    .filter(|(there, _)| there.distance2 <= gate_m * gate_m);
+                let found = line.closest(&moved, gate_m);
+                let equal = match (&found, &all) {
+                    // Where two segments meet, either will do.
+                    (Some(found), Some((there, _))) => {
+                        (found.point.position - there.point).norm() < 1e-9
+                    }
+                    (found, all) => found.is_none() && all.is_none(),
+                };
+                assert!(equal, "{moved} {gate_m} {length_m}: {:?}", found.map(|f| f.point));
+            }
+        }
+    }
 }
