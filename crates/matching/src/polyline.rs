@@ -80,8 +80,8 @@ impl<'a> Polyline<'a> {
     }
 
     /// Euclid's distance within which everything of a distance in the metric lies: at a point `r`
-    /// from `moved` the metric shortens by `sqrt(1 + (m + r)^2 / L^2)` at most, `m` how far from the
-    /// centre `moved` is, and a segment's begin farther by its length.
+    /// from `moved` the metric shortens by `sqrt(1 + (m + r)^2 / L^2)` at most, `m` how far from
+    /// the centre `moved` is, and a segment's begin farther by its length.
     fn stretched(&self, moved: &Vector2<f64>, distance_m: f64) -> f64 {
         let m = (moved - self.centre).norm() + self.settings.segment_m;
         let q2 = (distance_m / self.settings.length_m).powi(2);

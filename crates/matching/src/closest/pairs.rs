@@ -81,8 +81,8 @@ pub(crate) fn closest_pairs(
 }
 
 /// Keeps this share of pairs, those with the smallest errors, and of those the ones not far beyond
-/// the quantile (Censi, "An ICP variant using a point-to-line metric", ICRA 2008, section III). Equal
-/// errors stay or go together, so that the order of points does not matter.
+/// the quantile (Censi, "An ICP variant using a point-to-line metric", ICRA 2008, section III).
+/// Equal errors stay or go together, so that the order of points does not matter.
 pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSettings, keep: f64) {
     if pairs.is_empty() {
         return;

@@ -12,9 +12,9 @@ const FREE: u32 = 3;
 /// After that a step longer than this many times the one before ends them.
 const GROWTH: f64 = 2.0;
 
-/// The steps at one gate of partners that slide. Plain steps drag along walls, where they go a small
-/// part of the way only, and stand still long before the few points that see along the wall have
-/// pulled the scan to its place; steps that let partners slide go all of it.
+/// The steps at one gate of partners that slide. Plain steps drag along walls, where they go a
+/// small part of the way only, and stand still long before the few points that see along the wall
+/// have pulled the scan to its place; steps that let partners slide go all of it.
 #[derive(Default)]
 pub(super) struct Slides {
     taken: u32,
