@@ -8,6 +8,7 @@
 
 mod pairs;
 mod settings;
+mod slides;
 mod step;
 mod uncertainty;
 
@@ -17,13 +18,11 @@ use nalgebra::Matrix2x3;
 pub(crate) use pairs::ClosestPair;
 use pairs::{closest_pairs, drop_worst};
 pub use settings::ClosestSettings;
+use slides::Slides;
 pub(crate) use step::{ARM_M, scale, weak_axis};
 use step::{solve, step_length};
 use uncertainty::answer;
 pub(crate) use uncertainty::{RangeErrors, sliding_covariance};
-
-/// The gate narrows once a step is shorter than this share of it.
-const SETTLED_SHARE: f64 = 0.05;
 
 /// A pose locked to a wrong turn is so many beams off at most.
 const TURNS: u32 = 3;
@@ -42,6 +41,13 @@ pub(crate) struct Linearisation {
     pub sliding: Matrix3<f64>,
 }
 
+impl Linearisation {
+    /// The same with partners that slide, for a step.
+    fn slid(&self) -> Self {
+        Linearisation { pairs: Vec::new(), h: self.sliding, ..*self }
+    }
+}
+
 /// The weight of a pair: the information of the distance between its points, in the reference
 /// frame. `None` where the points' surfaces are not known well enough to tell.
 pub(crate) trait PairWeight: Sync {
@@ -52,6 +58,8 @@ pub(crate) trait PairWeight: Sync {
 pub(crate) trait Correspondence: Sync {
     /// Whether partners slide along segments, and a plain step falls short of the minimum.
     const SLIDES: bool = false;
+    /// The gate narrows once a step is shorter than this share of it.
+    const SETTLED_SHARE: f64 = if Self::SLIDES { 0.02 } else { 0.05 };
 
     /// The partner of a scan point, given in the reference frame, if there is one within the gate.
     fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<Partner>;
@@ -141,21 +149,27 @@ impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
         let s = self.settings;
         let (mut pose, mut gate) = (start, gate_m);
         let (mut iterations, mut last_step) = (0, f64::INFINITY);
+        let mut slides = Slides::default();
         while iterations < s.max_iterations && !(last_step < s.step_m && gate <= s.gate_end_m) {
             iterations += 1;
             let here = self.linearise(&pose, gate);
             let step = solve(&here, &pose, prior, s.degenerate_ratio)
                 .filter(|_| here.pairs.len() >= s.min_pairs);
-            let Some(step) = step else {
+            let Some(mut step) = step else {
                 return Err(failed(pose, iterations, MatchStatus::TooFewPoints));
             };
+            if C::SLIDES && slides.wanted(&step, gate) {
+                let slide = solve(&here.slid(), &pose, prior, s.degenerate_ratio);
+                step = slide.and_then(|slide| slides.cut(slide, gate)).unwrap_or(step);
+            }
             pose = pose.retract(&step);
             last_step = step_length(&step);
             if !pose.is_finite() || pose.distance(&prior.pose) > s.max_shift_m {
                 return Err(failed(prior.pose, iterations, MatchStatus::Diverged));
             }
-            if last_step < SETTLED_SHARE * gate {
+            if last_step < C::SETTLED_SHARE * gate {
                 gate = (gate * s.gate_decay).max(s.gate_end_m);
+                slides = Slides::default();
             }
         }
         // Pairs may swap for ever between two equally good sets: small steps are settled enough.
@@ -189,8 +203,7 @@ impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
         let mut longest = 10.0 * s.step_m;
         for iteration in 0..POLISHING_STEPS {
             let here = self.linearise(&pose, s.gate_end_m);
-            let here = Linearisation { h: here.sliding, ..here };
-            let Some(step) = solve(&here, &pose, prior, s.degenerate_ratio) else {
+            let Some(step) = solve(&here.slid(), &pose, prior, s.degenerate_ratio) else {
                 return (pose, iteration);
             };
             let length = step_length(&step);
@@ -234,7 +247,9 @@ impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
             let agree = pair.normals_agree(&rotation, s.normal_cos);
             pair.weigh(self.weight.of(pair, &rotation).filter(|_| agree))
         });
-        drop_worst(&mut pairs, s);
+        // While the gate is wide, the pairs that fit worst may be the only ones that see which way.
+        let narrowness = if C::SLIDES { (s.gate_end_m / gate_m).min(1.0) } else { 1.0 };
+        drop_worst(&mut pairs, s, 1.0 - (1.0 - s.keep) * narrowness);
         let (mut h, mut g, mut sliding) = (Matrix3::zeros(), Vector3::zeros(), Matrix3::zeros());
         for pair in &pairs {
             let jacobian = pair.jacobian(&rotation);

@@ -53,15 +53,16 @@ impl Default for CombinedSettings {
             weak_rad: 0.15,
             min_score: 0.2,
             candidates: 12,
-            below_best: 0.12,
-            search_points: 150,
+            below_best: 0.1,
+            search_points: 120,
             likelihood: LikelihoodSettings {
                 cell_m: 0.1,
                 sigma_m: 0.1,
                 levels: 5,
                 ..LikelihoodSettings::default()
             },
-            lines: 0.5,
+            // Two thirds of a wood lie on lines, all but a twentieth of a building.
+            lines: 0.8,
             fast: FastSettings::default(),
             field: FieldSettings::default(),
             scattered: WsmSettings { gate_start_m: 0.4, ..WsmSettings::default() },
@@ -199,7 +200,7 @@ const SAME_PLACE_M: f64 = 2.5;
 /// Grid poses whose scores differ by less than this fit as well as one another.
 const TIED: f32 = 0.04;
 /// So many times more grid poses are refined where too many fit as well as the best.
-const MORE: usize = 6;
+const MORE: usize = 25;
 /// Grid poses of a search are at least this share of its window apart, and no more than
 /// [`FARTHEST_APART_M`].
 const APART: f64 = 0.3;
@@ -225,26 +226,27 @@ impl CombinedReference<'_> {
             separation_rad: SAME_RAD,
             ..SearchSettings::default()
         };
-        let mut found = self.candidates(scan, window, &settings);
-        if is_cut_off(&found, &settings) {
-            // Many grid poses are as good as the best: all of those are looked at.
-            settings.candidates *= MORE;
-            settings.below_best = TIED;
-            found = self.candidates(scan, window, &settings);
-        }
         let refine = |candidate: &Candidate| {
             let result = self.refine(&prepared, &candidate.pose, prior);
             Refined { result, explained: self.explained(scan, &result.pose) }
         };
-        let refined: Vec<Refined> = found.iter().map(refine).collect();
-        let best = self.choose(&refined, prior);
-        match refined.last() {
-            // There are more of them still.
-            Some(last) if is_cut_off(&found, &settings) && best.status.is_usable() => {
-                let status = MatchStatus::Ambiguous { rival: last.result.pose };
-                MatchResult { status, ..best }
+        loop {
+            let found = self.candidates(scan, window, &settings);
+            let refined: Vec<Refined> = found.iter().map(refine).collect();
+            let best = self.choose(&refined, prior);
+            let ambiguous = matches!(best.status, MatchStatus::Ambiguous { .. });
+            match refined.last().filter(|_| is_cut_off(&found, &settings) && !ambiguous) {
+                None => return best,
+                Some(last) if settings.candidates > s.candidates.max(1) => {
+                    // There are more as good as the best than can be looked at.
+                    let status = MatchStatus::Ambiguous { rival: last.result.pose };
+                    return MatchResult { status, ..best };
+                }
+                Some(_) => {
+                    settings.candidates *= MORE;
+                    settings.below_best = TIED;
+                }
             }
-            _ => best,
         }
     }
 

@@ -90,7 +90,7 @@ impl Matcher for IdcMatcher {
             reach_m: s.closest.gate_start_m,
         };
         let mut polyline = Polyline::new(&reference, Vector2::zeros(), settings);
-        let (pose, gate, taken) = match self.turn(&mut polyline, &seen, prior) {
+        let (pose, taken) = match self.turn(&mut polyline, &seen, prior) {
             Ok(turned) => turned,
             Err(failure) => return *failure,
         };
@@ -98,7 +98,10 @@ impl Matcher for IdcMatcher {
         let weight = &Alike { information: information(&s.closest) };
         let (correspondence, locked_turn_rad) = (&polyline, 0.0);
         let all = ClosestPoints { settings, correspondence, weight, scan, locked_turn_rad };
-        let result = all.align_from(pose, gate, prior, |here, pose| errors.covariance(here, pose));
+        // From the wide gate again: what turned the scan need not have moved it along a wall.
+        let gate_m = s.closest.gate_start_m;
+        let result =
+            all.align_from(pose, gate_m, prior, |here, pose| errors.covariance(here, pose));
         MatchResult { iterations: result.iterations + taken, ..result }
     }
 }
@@ -109,14 +112,13 @@ fn information(settings: &ClosestSettings) -> f64 {
 }
 
 impl IdcMatcher {
-    /// The dual iterations: the pose once the window is narrower than a beam, the gate by then, and
-    /// the iterations.
+    /// The dual iterations: the pose once the window is narrower than a beam, and how many.
     fn turn(
         &self,
         polyline: &mut Polyline<'_>,
         scan: &PointCloud,
         prior: &Prior,
-    ) -> Result<(Pose2, f64, u32), Box<MatchResult>> {
+    ) -> Result<(Pose2, u32), Box<MatchResult>> {
         let (s, c) = (&self.settings, &self.settings.closest);
         let eye = eye(scan);
         let beam_step = scan.points.iter().map(|p| p.beam_step).fold(0.0, f64::max);
@@ -147,7 +149,7 @@ impl IdcMatcher {
             window *= (-s.window_decay.max(1e-3)).exp();
         }
         polyline.hide(View::new(polyline, &pose, eye, s.hidden_m).hidden);
-        Ok((pose, gate, iterations))
+        Ok((pose, iterations))
     }
 }
 

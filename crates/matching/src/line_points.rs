@@ -70,9 +70,9 @@ pub struct LineExtractor {
 const LARGEST_END_M: f64 = 0.25;
 /// Variance of a wall's end beside that of where beams meet it, m^2: mixed pixels, rounded edges.
 const END_VARIANCE: f64 = 4e-4;
-/// By this share of its distance a hit is drawn to the line of its neighbourhood. Of 0, 0.5, 0.7 and
-/// 1 this gives the smallest error against submaps (1.263, 1.222, 1.228, 1.242 x the bound); all of
-/// it would round off what is bent.
+/// By this share of its distance a hit is drawn to the line of its neighbourhood. Of 0, 0.5, 0.7
+/// and 1 this gives the smallest error against submaps (1.263, 1.222, 1.228, 1.242 x the bound);
+/// all of it would round off what is bent.
 const DRAWN_TO_LINE: f64 = 0.5;
 /// A gap of more missing beams than this separates surfaces.
 const BRIDGED_BEAMS: u32 = 1;

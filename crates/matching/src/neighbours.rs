@@ -61,8 +61,13 @@ impl NeighbourTree {
         if !(x.is_finite() && y.is_finite()) {
             return;
         }
-        let mut open: Vec<(usize, &[Entry])> = vec![(0, &self.points)];
-        while let Some((node, points)) = open.pop() {
+        let mut depth;
+        // Halving leaves no more open than a tree of 2^32 points is deep.
+        let mut open: [(usize, &[Entry]); 34] = [(0, &[]); 34];
+        (open[0], depth) = ((0, &self.points[..]), 1);
+        while depth > 0 {
+            depth -= 1;
+            let (node, points) = open[depth];
             if points.len() <= LEAF {
                 let near = |e: &&Entry| (e.x - x).powi(2) + (e.y - y).powi(2) <= radius2;
                 points.iter().filter(near).for_each(|e| visit(e.index as usize));
@@ -73,10 +78,12 @@ impl NeighbourTree {
             let (left, right) = points.split_at(points.len() / 2);
             let reaches_over = beyond * beyond <= radius2;
             if beyond <= 0.0 || reaches_over {
-                open.push((2 * node + 1, left));
+                open[depth] = (2 * node + 1, left);
+                depth += 1;
             }
             if beyond >= 0.0 || reaches_over {
-                open.push((2 * node + 2, right));
+                open[depth] = (2 * node + 2, right);
+                depth += 1;
             }
         }
     }

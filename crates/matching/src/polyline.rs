@@ -31,6 +31,8 @@ pub(crate) struct Polyline<'a> {
     tree: NeighbourTree,
     /// The point that each of the tree's places belongs to: that point, or the segment from it.
     owner: Vec<usize>,
+    /// The segment that begins at each point.
+    segments: Vec<Segment>,
     /// Points that are left out.
     hidden: Vec<bool>,
     /// The point that motions turn about.
@@ -49,19 +51,22 @@ impl<'a> Polyline<'a> {
         let next = neighbours(points, settings.segment_m);
         let (mut places, mut owner) = (Vec::new(), Vec::new());
         for (index, from) in points.iter().enumerate() {
-            places.push(from.position);
-            owner.push(index);
-            let Some(to) = next[index] else { continue };
-            let along = points[to].position - from.position;
+            let to = next[index].map_or(from, |to| &points[to]);
+            let along = to.position - from.position;
             let pieces = (along.norm() / PIECE_M).ceil().clamp(1.0, 1e3) as usize;
-            for piece in 1..pieces {
-                places.push(from.position + along * (piece as f64 / pieces as f64));
+            // Nothing of a segment is farther from one of its places than half a piece.
+            for piece in 0..pieces {
+                places.push(from.position + along * ((piece as f64 + 0.5) / pieces as f64));
                 owner.push(index);
             }
         }
         let tree = NeighbourTree::new(places);
         let hidden = vec![false; points.len()];
-        Polyline { reference, next, tree, owner, hidden, centre, settings }
+        let segments = Vec::new();
+        let mut line =
+            Polyline { reference, next, tree, owner, segments, hidden, centre, settings };
+        line.segments = (0..points.len()).map(|index| line.segment(index)).collect();
+        line
     }
 
     /// The end of the segment that begins at a point.
@@ -74,12 +79,19 @@ impl<'a> Polyline<'a> {
         self.hidden = hidden;
     }
 
-    /// Euclid's distance within which everything of a distance in the metric lies: the metric
-    /// shortens by `sqrt(1 + |p|^2 / L^2)` at most.
+    /// Euclid's distance within which everything of a distance in the metric lies: at a point `r`
+    /// from `moved` the metric shortens by `sqrt(1 + (m + r)^2 / L^2)` at most, `m` how far from
+    /// the centre `moved` is, and a segment's begin farther by its length.
     fn stretched(&self, moved: &Vector2<f64>, distance_m: f64) -> f64 {
-        let far = (moved - self.centre).norm() + self.settings.reach_m;
-        let stretch = (1.0 + (far / self.settings.length_m).powi(2)).sqrt();
-        (distance_m * stretch).min(self.settings.reach_m)
+        let m = (moved - self.centre).norm() + self.settings.segment_m;
+        let q2 = (distance_m / self.settings.length_m).powi(2);
+        if q2 >= 1.0 {
+            return self.settings.reach_m;
+        }
+        // r^2 = d^2 (1 + (m + r)^2 / L^2), solved for r.
+        let constant = distance_m * distance_m + q2 * m * m;
+        let r = (q2 * m + (q2 * q2 * m * m + (1.0 - q2) * constant).sqrt()) / (1.0 - q2);
+        r.min(self.settings.reach_m)
     }
 
     /// The metric at a reference point.
@@ -93,20 +105,38 @@ impl<'a> Polyline<'a> {
     /// The segment's point closest to `moved`, its squared distance, and the segment's direction if
     /// that point lies between its ends.
     fn closest_on(&self, index: usize, moved: &Vector2<f64>) -> OnSegment {
-        let from = self.reference.points[index].position;
-        let m = self.metric(&from);
-        let squared = |point: Vector2<f64>| (moved - point).dot(&(m * (moved - point)));
-        let end = self.next[index].filter(|&to| !self.hidden[to]);
-        let Some(end) = end.map(|to| self.reference.points[to].position) else {
-            return OnSegment { distance2: squared(from), point: from, along: None };
-        };
-        let along = end - from;
-        let length2 = along.dot(&(m * along));
-        let share = along.dot(&(m * (moved - from))) / length2.max(1e-12);
-        let point = from + along * share.clamp(0.0, 1.0);
-        let along = (share > 0.0 && share < 1.0).then_some(along);
-        OnSegment { distance2: squared(point), point, along }
+        let segment = &self.segments[index];
+        let away = moved - segment.from;
+        let ends = self.next[index].is_some_and(|to| !self.hidden[to]);
+        let share = if ends { segment.share.dot(&away) } else { 0.0 };
+        let inside = share > 0.0 && share < 1.0;
+        let passed = segment.along * share.clamp(0.0, 1.0);
+        let away = away - passed;
+        let distance2 = away.norm_squared() - segment.turned.dot(&away).powi(2);
+        let along = inside.then_some(segment.along);
+        OnSegment { distance2, point: segment.from + passed, along }
     }
+
+    /// What [`Polyline::closest_on`] needs of the segment from a point.
+    fn segment(&self, index: usize) -> Segment {
+        let from = self.reference.points[index].position;
+        let to = self.next[index].map_or(from, |to| self.reference.points[to].position);
+        let (along, m) = (to - from, self.metric(&from));
+        let share = m * along / along.dot(&(m * along)).max(1e-12);
+        let p = from - self.centre;
+        let longest = p.norm_squared() + self.settings.length_m.powi(2);
+        Segment { from, along, share, turned: Vector2::new(p.y, -p.x) / longest.sqrt() }
+    }
+}
+
+/// A segment made ready to be compared with, or a point.
+struct Segment {
+    from: Vector2<f64>,
+    along: Vector2<f64>,
+    /// Its product with the way from `from` is the share of the segment passed, in the metric.
+    share: Vector2<f64>,
+    /// The metric is the identity less the outer product of this with itself.
+    turned: Vector2<f64>,
 }
 
 struct OnSegment {
@@ -121,12 +151,10 @@ impl Correspondence for Polyline<'_> {
     fn closest(&self, moved: &Vector2<f64>, gate_m: f64) -> Option<Partner> {
         let widest = self.stretched(moved, gate_m) + PIECE_M;
         // A place of the tree lies on the polyline: nothing farther than it is the closest.
-        let (place, distance2) = self.tree.nearest(*moved, widest * widest)?;
-        let bound = if self.hidden[self.owner[place]] {
-            gate_m
-        } else {
-            gate_m.min(distance2.sqrt() + ROUNDING_M)
-        };
+        let (place, _) = self.tree.nearest(*moved, widest * widest)?;
+        let owner = self.owner[place];
+        let near = (!self.hidden[owner]).then(|| self.closest_on(owner, moved).distance2);
+        let bound = near.map_or(gate_m, |near| gate_m.min(near.max(0.0).sqrt()));
         let radius = self.stretched(moved, bound) + 0.5 * PIECE_M + ROUNDING_M;
         let mut best: Option<(usize, OnSegment)> = None;
         self.tree.within(*moved, radius * radius, |place| {
@@ -172,4 +200,45 @@ fn neighbours(points: &[CloudPoint], segment_m: f64) -> Vec<Option<usize>> {
 /// Where a point's ray begins.
 pub(crate) fn laser(point: &CloudPoint) -> Vector2<f64> {
     point.position - point.ray * point.range
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PointCloudSettings;
+    use geometry::Pose2;
+    use rand::{Rng, SeedableRng, rngs::StdRng};
+    use synthetic::{LaserNoise, Scanner, noisy_room_pair};
+
+    #[test]
+    fn the_search_finds_what_all_segments_say() {
+        let scanner = Scanner::half_circle(361, LaserNoise::gaussian(0.015));
+        let pair = noisy_room_pair(5, &scanner, 0.3, 0.2);
+        let settings = PointCloudSettings::default();
+        let reference = PointCloud::from_scan(&pair.reference, &Pose2::IDENTITY, &settings);
+        let rng = &mut StdRng::seed_from_u64(9);
+        for length_m in [f64::INFINITY, 3.0] {
+            let settings = PolylineSettings { length_m, segment_m: 0.5, reach_m: 1.5 };
+            let line = Polyline::new(&reference, Vector2::new(0.3, -0.1), settings);
+            for _ in 0..3000 {
+                let near = reference.points[rng.random_range(0..reference.len())].position;
+                let mut off = || rng.random_range(-0.4..0.4);
+                let moved = near + Vector2::new(off(), off());
+                let gate_m = rng.random_range(0.02..0.3);
+                let all = (0..reference.len())
+                    .map(|index| (line.closest_on(index, &moved), index))
+                    .min_by(|a, b| a.0.distance2.total_cmp(&b.0.distance2).then(a.1.cmp(&b.1)))
+                    .filter(|(there, _)| there.distance2 <= gate_m * gate_m);
+                let found = line.closest(&moved, gate_m);
+                let equal = match (&found, &all) {
+                    // Where two segments meet, either will do.
+                    (Some(found), Some((there, _))) => {
+                        (found.point.position - there.point).norm() < 1e-9
+                    }
+                    (found, all) => found.is_none() && all.is_none(),
+                };
+                assert!(equal, "{moved} {gate_m} {length_m}: {:?}", found.map(|f| f.point));
+            }
+        }
+    }
 }

@@ -14,27 +14,35 @@ pub struct VgicpSettings {
     pub closest: ClosestSettings,
     /// Side of a voxel, metres.
     pub voxel_m: f64,
+    /// Surfaces of one voxel whose normals differ by more than the angle of this cosine are
+    /// averaged apart: the mean over a corner lies on neither wall.
+    pub surface_cos: f64,
+    /// Fewer points of a surface than this in a voxel are no mean to compare with; all are used
+    /// where that leaves too few to match.
+    pub min_points: usize,
     /// Variance of a point across its surface, as a share of that along it.
     pub flatness: f64,
 }
 
 impl Default for VgicpSettings {
     fn default() -> Self {
-        let voxel_m = 0.5;
         let closest = ClosestSettings {
             // A point may lie anywhere in its voxel.
-            gate_end_m: voxel_m,
+            gate_end_m: 0.3,
             normal_cos: 0.5,
-            adaptive_factor: 3.0,
+            // Means have few outliers, and what sees along a corridor looks like one for long.
+            keep: 0.97,
             ..ClosestSettings::default()
         };
-        VgicpSettings { closest, voxel_m, flatness: 1e-3 }
+        let (voxel_m, surface_cos, min_points) = (0.4, 0.7, 3);
+        VgicpSettings { closest, voxel_m, surface_cos, min_points, flatness: 1e-3 }
     }
 }
 
 /// Voxelised GICP in the plane (Koide, Yokozuka, Oishi, Banno, "Voxelized GICP for fast and
 /// accurate 3D point cloud registration", ICRA 2021): the reference's points are averaged in
-/// voxels, and each scan point is compared with a voxel's mean and mean covariance.
+/// voxels, each surface of a voxel by itself, and each scan point is compared with a mean and its
+/// mean covariance.
 ///
 /// The voxel is that of the nearest mean, not the one the point falls into: a pose next to a
 /// voxel's border does not change its pairs by moving over it.
@@ -65,22 +73,41 @@ struct Sum {
 impl Voxels {
     fn new(reference: &PointCloud, settings: &VgicpSettings) -> Self {
         let side = settings.voxel_m.max(1e-3);
-        let mut sums: BTreeMap<(i64, i64), Sum> = BTreeMap::new();
-        for point in &reference.points {
+        let mut voxels: BTreeMap<(i64, i64), Vec<Sum>> = BTreeMap::new();
+        for point in &reference.in_order().points {
             let p = point.position / side;
             if !(p.x.abs() < 1e9 && p.y.abs() < 1e9) {
                 continue;
             }
-            let voxel = sums.entry((p.x.floor() as i64, p.y.floor() as i64)).or_default();
-            voxel.add(point, settings.flatness);
+            let voxel = voxels.entry((p.x.floor() as i64, p.y.floor() as i64)).or_default();
+            let surface = voxel.iter().position(|s| s.continues(point, settings.surface_cos));
+            let surface = surface.unwrap_or_else(|| {
+                voxel.push(Sum::default());
+                voxel.len() - 1
+            });
+            voxel[surface].add(point, settings.flatness);
         }
-        let points = sums.values().map(Sum::point).collect();
-        let shapes = sums.values().map(|sum| sum.shape / sum.count).collect();
+        let mut sums: Vec<Sum> = voxels.into_values().flatten().collect();
+        let many = |sum: &Sum| sum.count >= settings.min_points as f64;
+        if sums.iter().filter(|sum| many(sum)).count() >= settings.closest.min_pairs {
+            sums.retain(many);
+        }
+        let points = sums.iter().map(Sum::point).collect();
+        let shapes = sums.iter().map(|sum| sum.shape / sum.count).collect();
         Voxels { cloud: PointCloud { points }, shapes, flatness: settings.flatness }
     }
 }
 
 impl Sum {
+    /// Whether a point can lie on the same surface.
+    fn continues(&self, point: &CloudPoint, surface_cos: f64) -> bool {
+        match (self.normal.try_normalize(1e-9), point.normal) {
+            (Some(a), Some(b)) => a.dot(&b) > surface_cos,
+            (None, None) => true,
+            _ => false,
+        }
+    }
+
     fn add(&mut self, point: &CloudPoint, flatness: f64) {
         self.count += 1.0;
         self.position += point.position;

@@ -32,14 +32,7 @@ impl ClosestPair {
 
     /// What is left of the weight when the partner slides along its segment with the scan point.
     pub fn sliding_weight(&self) -> Matrix2<f64> {
-        let Some(along) = self.along else { return self.weight };
-        let pull = self.weight * along;
-        let stiffness = along.dot(&pull);
-        if stiffness > 0.0 {
-            self.weight - pull * pull.transpose() / stiffness
-        } else {
-            self.weight
-        }
+        slid(&self.weight, self.along)
     }
 
     /// Takes a weight; false if it is none, or says nothing finite.
@@ -51,6 +44,14 @@ impl ClosestPair {
     }
 }
 
+/// What is left of a weight when the partner slides.
+pub(super) fn slid(weight: &Matrix2<f64>, along: Option<Vector2<f64>>) -> Matrix2<f64> {
+    let Some(along) = along else { return *weight };
+    let pull = weight * along;
+    let stiffness = along.dot(&pull);
+    if stiffness > 0.0 { weight - pull * pull.transpose() / stiffness } else { *weight }
+}
+
 /// Pairs within the gate, in the order of the scan's points; not weighed yet.
 pub(crate) fn closest_pairs(
     correspondence: &impl Correspondence,
@@ -58,8 +59,10 @@ pub(crate) fn closest_pairs(
     pose: &Pose2,
     gate_m: f64,
 ) -> Vec<ClosestPair> {
+    let (sin, cos) = pose.yaw.sin_cos();
+    let (rotation, translation) = (Matrix2::new(cos, -sin, sin, cos), pose.translation());
     let pair = |(scan_index, &scan): (usize, &CloudPoint)| {
-        let moved = pose.transform(scan.position);
+        let moved = rotation * scan.position + translation;
         let Partner { index, point, along } = correspondence.closest(&moved, gate_m)?;
         let residual = point.position - moved;
         let weight = Matrix2::zeros();
@@ -77,10 +80,10 @@ pub(crate) fn closest_pairs(
     scan.points.iter().enumerate().filter_map(pair).collect()
 }
 
-/// Keeps the share of pairs with the smallest errors, and of those the ones not far beyond the
-/// quantile (Censi, "An ICP variant using a point-to-line metric", ICRA 2008, section III). Equal
-/// errors stay or go together, so that the order of points does not matter.
-pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSettings) {
+/// Keeps this share of pairs, those with the smallest errors, and of those the ones not far beyond
+/// the quantile (Censi, "An ICP variant using a point-to-line metric", ICRA 2008, section III).
+/// Equal errors stay or go together, so that the order of points does not matter.
+pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSettings, keep: f64) {
     if pairs.is_empty() {
         return;
     }
@@ -92,7 +95,6 @@ pub(crate) fn drop_worst(pairs: &mut Vec<ClosestPair>, settings: &ClosestSetting
     };
     // Errors are squares, and so is the factor on their roots.
     let adaptive = settings.adaptive_factor.powi(2) * quantile(settings.adaptive_quantile);
-    let most =
-        quantile(settings.keep).min(if adaptive.is_nan() { f64::INFINITY } else { adaptive });
+    let most = quantile(keep).min(if adaptive.is_nan() { f64::INFINITY } else { adaptive });
     pairs.retain(|pair| pair.error <= most);
 }

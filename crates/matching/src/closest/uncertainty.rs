@@ -1,4 +1,4 @@
-use super::{ClosestPair, Linearisation};
+use super::{ClosestPair, Linearisation, pairs::slid};
 use geometry::{Matrix2, Matrix3, Pose2, Vector2, Vector3};
 use std::collections::BTreeMap;
 
@@ -67,11 +67,12 @@ pub(crate) fn answer(here: &Linearisation, pose: &Pose2) -> Matrix3<f64> {
 }
 
 /// What of a pair's weight answers to a displacement: that across the reference's surface, since
-/// along it the closest point slides with the estimate; all of it where the surface is not known.
+/// along it the closest point slides with the estimate. Where the surface is not known, the segment
+/// tells; all of it counts on points without either.
 fn across(pair: &ClosestPair, weight: &Matrix2<f64>) -> Matrix2<f64> {
     match pair.reference.normal {
         Some(normal) => normal * normal.transpose() * normal.dot(&(weight * normal)),
-        None => *weight,
+        None => slid(weight, pair.along),
     }
 }
 

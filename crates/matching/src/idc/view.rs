@@ -1,6 +1,6 @@
 use super::spans::{Span, Spans};
 use crate::polyline::{Polyline, laser};
-use geometry::{Pose2, Vector2, wrap_angle};
+use geometry::{Matrix2, Pose2, Vector2, wrap_angle};
 
 /// A view that hides more of the reference than this share is from the wrong place, and not
 /// believed.
@@ -21,10 +21,12 @@ impl View {
     pub fn new(polyline: &Polyline<'_>, pose: &Pose2, eye: Vector2<f64>, hidden_m: f64) -> Self {
         let points = &polyline.reference.points;
         let inverse = pose.inverse();
+        let (sin, cos) = inverse.yaw.sin_cos();
+        let (turn, shift) = (Matrix2::new(cos, -sin, sin, cos), inverse.translation() - eye);
         let polar: Vec<(f64, f64)> = points
             .iter()
             .map(|p| {
-                let v = inverse.transform(p.position) - eye;
+                let v = turn * p.position + shift;
                 (v.norm(), v.y.atan2(v.x))
             })
             .collect();

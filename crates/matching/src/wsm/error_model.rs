@@ -3,6 +3,12 @@ use crate::{CloudPoint, PointCloud};
 use geometry::{Matrix2, Vector2};
 use std::f64::consts::FRAC_PI_8;
 
+/// What of the offset's variance counts each way where the surface is not known: half of it, since
+/// the offset has one direction only; and half of that, since the nearest of two samplings is off
+/// by one of their steps and not by both. Counting all of it trusts the ill-fitted lines beside
+/// such points more than the points, which pulls on curved surfaces.
+const UNKNOWN_DIRECTION: f64 = 0.25;
+
 /// A cloud point with the error model of the Weighted Scan Matcher, in the cloud's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WeightedPoint {
@@ -93,5 +99,10 @@ fn sampling(
     let near = point.range * beta.sin() / (alpha + beta).sin();
     let far = point.range * beta.sin() / (alpha - beta).sin();
     let variance = (near.powi(3) + far.powi(3)) / (3.0 * (near + far));
+    let variance = if surface.is_none() && settings.half_spacing {
+        UNKNOWN_DIRECTION * variance
+    } else {
+        variance
+    };
     (point.range * step / alpha.sin(), variance)
 }
