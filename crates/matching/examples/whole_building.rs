@@ -164,7 +164,12 @@ impl Building {
         let agreement = |found: MatchResult| {
             let there = perfect.truth(&self.world, &found.pose);
             let same = truth.iter().zip(&there).filter(|(a, b)| match (a, b) {
-                (Some(a), Some(b)) => (a.range - b.range).abs() < SAME_RANGE_M,
+                (Some(a), Some(b)) => {
+                    // Across the surface: where a beam grazes a wall, its range tells little.
+                    let (sin, cos) = a.bearing.sin_cos();
+                    let facing = a.normal.dot(&Vector2::new(cos, sin)).abs();
+                    (a.range - b.range).abs() * facing < SAME_RANGE_M
+                }
                 (None, None) => true,
                 _ => false,
             });

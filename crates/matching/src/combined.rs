@@ -199,6 +199,8 @@ const SAME_RAD: f64 = 0.2;
 const SAME_PLACE_M: f64 = 2.5;
 /// Grid poses whose scores differ by less than this fit as well as one another.
 const TIED: f32 = 0.04;
+/// A pose that explains more than this share of a scan leaves nothing to be wished for.
+const EXPLAINS_ALL: f64 = 0.95;
 /// So many times more grid poses are refined where too many fit as well as the best.
 const MORE: usize = 25;
 /// Grid poses of a search are at least this share of its window apart, and no more than
@@ -233,9 +235,11 @@ impl CombinedReference<'_> {
         loop {
             let found = self.candidates(scan, window, &settings);
             let refined: Vec<Refined> = found.iter().map(refine).collect();
-            let best = self.choose(&refined, prior);
+            let Refined { result: best, explained } = self.choose(&refined, prior);
+            // Two that explain all there is settle the matter.
             let ambiguous = matches!(best.status, MatchStatus::Ambiguous { .. });
-            match refined.last().filter(|_| is_cut_off(&found, &settings) && !ambiguous) {
+            let settled = ambiguous && explained > EXPLAINS_ALL;
+            match refined.last().filter(|_| is_cut_off(&found, &settings) && !settled) {
                 None => return best,
                 Some(last) if settings.candidates > s.candidates.max(1) => {
                     // There are more as good as the best than can be looked at.
@@ -308,7 +312,7 @@ impl CombinedReference<'_> {
     }
 
     /// The answer that explains most of the scan; ambiguous if one elsewhere explains as much.
-    fn choose(&self, refined: &[Refined], prior: &Prior) -> MatchResult {
+    fn choose(&self, refined: &[Refined], prior: &Prior) -> Refined {
         let usable = || refined.iter().filter(|answer| answer.result.status.is_usable());
         let merit = |answer: &Refined| answer.explained + answer.result.inlier_ratio;
         let most = |best: Option<Refined>, next: &Refined| match best {
@@ -316,8 +320,9 @@ impl CombinedReference<'_> {
             _ => Some(*next),
         };
         let Some(best) = usable().fold(None, most) else {
-            let nothing = MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints);
-            return refined.first().map_or(nothing, |answer| answer.result);
+            let result = MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints);
+            let nothing = Refined { result, explained: 0.0 };
+            return refined.first().copied().unwrap_or(nothing);
         };
         let s = &self.settings;
         let as_good = |other: &&Refined| {
@@ -325,11 +330,11 @@ impl CombinedReference<'_> {
                 && other.result.inlier_ratio > best.result.inlier_ratio - s.rival_inliers
         };
         match usable().filter(as_good).find(|other| !is_same(&other.result, &best.result)) {
-            Some(Refined { result: rival, .. }) => {
-                let status = MatchStatus::Ambiguous { rival: rival.pose };
-                MatchResult { status, ..best.result }
+            Some(rival) => {
+                let status = MatchStatus::Ambiguous { rival: rival.result.pose };
+                Refined { result: MatchResult { status, ..best.result }, ..best }
             }
-            None => best.result,
+            None => best,
         }
     }
 }
