@@ -151,10 +151,10 @@ impl Building {
         let truth = perfect.truth(&self.world, place);
         let settings = SearchSettings {
             min_score: 0.5,
-            candidates: 30,
+            candidates: 200,
             separation_m: 0.5,
             separation_rad: 0.5,
-            below_best: 0.3,
+            below_best: 0.15,
             max_windows: 3_000_000,
         };
         let cloud = cloud(&scan);

@@ -353,14 +353,12 @@ fn is_cut_off(found: &[Candidate], settings: &SearchSettings) -> bool {
 /// to know.
 fn is_same(other: &MatchResult, best: &MatchResult) -> bool {
     let apart = best.pose.between(&other.pose);
-    let mut shift = apart.translation();
-    if let MatchStatus::Degenerate { weak_axis } = best.status
-        && let Some(axis) = weak_axis.xy().try_normalize(1e-9)
-    {
-        let along = axis.dot(&shift).clamp(-SAME_PLACE_M, SAME_PLACE_M);
-        shift -= axis * along;
+    let mut apart = Vector3::new(apart.x, apart.y, wrap_angle(apart.yaw));
+    if let MatchStatus::Degenerate { weak_axis } = best.status {
+        let along = weak_axis.dot(&apart).clamp(-SAME_PLACE_M, SAME_PLACE_M);
+        apart -= weak_axis * along;
     }
-    shift.norm() < SAME_M && wrap_angle(apart.yaw).abs() < SAME_RAD
+    apart.xy().norm() < SAME_M && apart.z.abs() < SAME_RAD
 }
 
 /// Windows farther than this to each side are searched with cells and blur larger by the factor:

@@ -66,6 +66,9 @@ pub(crate) struct NormalEquations {
     pub inliers: f32,
     /// Information that the noise of the normals pretends, 1/m^2.
     pub pretended: f32,
+    /// Sum of the weights times the squared distances from the scan's origin: the information about
+    /// yaw if all points moved across their surfaces. Where inliers are counted.
+    pub lever: f32,
     /// Points with a correspondence.
     pub pairs: u32,
 }
@@ -77,6 +80,7 @@ struct LaneSums {
     g: [Lanes; 3],
     inliers: Lanes,
     pretended: Lanes,
+    lever: Lanes,
     pairs: Lanes,
 }
 
@@ -227,6 +231,7 @@ impl LaneSums {
             if COUNT_INLIERS {
                 let explained = inlier2 / (inlier2 + r * r);
                 self.inliers[k] += used * explained * explained;
+                self.lever[k] += w * (p.x[k] * p.x[k] + p.y[k] * p.y[k]);
             }
             self.pretended[k] += w * s.normal_variance[k];
             self.pairs[k] += used;
@@ -240,6 +245,7 @@ impl LaneSums {
             g: self.g.each_ref().map(sum),
             inliers: sum(&self.inliers),
             pretended: sum(&self.pretended),
+            lever: sum(&self.lever),
             pairs: sum(&self.pairs) as u32,
         }
     }
@@ -285,7 +291,7 @@ mod tests {
                     Linearisation::<true> { field, points, pose, weights }.with_simd(pulp::Scalar);
                 let chosen = linearise::<true>(field, points, pose, weights);
                 let bits = |n: &NormalEquations| {
-                    let sums = [n.inliers, n.pretended, n.pairs as f32];
+                    let sums = [n.inliers, n.pretended, n.lever, n.pairs as f32];
                     n.h.iter().chain(&n.g).chain(&sums).map(|v| v.to_bits()).collect::<Vec<_>>()
                 };
                 assert_eq!(bits(&plain), bits(&chosen), "{count} points, pose {k}");

@@ -43,7 +43,7 @@ pub fn accuracy(comparison: &Comparison) -> String {
     );
     for situation in &comparison.situations {
         for matcher in &situation.matchers {
-            if let Some(found) = &matcher.undisturbed {
+            if let Some(found) = &matcher.nearby {
                 accuracy_row(&mut text, &situation.name, &matcher.matcher, found);
             }
         }
