@@ -1,4 +1,5 @@
-use crate::normal_equations::{NormalEquations, PairWeights, PointBlocks, linearise};
+use crate::normal_equations::{NormalEquations, PairWeights, linearise};
+use crate::point_blocks::PointBlocks;
 use crate::{LinePoint, MatchResult, MatchStatus, Prior, SurfelField};
 use geometry::{Matrix3, Pose2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -62,10 +63,21 @@ pub struct FastMatcher {
 impl FastMatcher {
     /// Finds `field_from_scan`, starting at the prior.
     pub fn align(&self, field: &SurfelField, scan: &[LinePoint], prior: &Prior) -> MatchResult {
+        self.align_from(field, scan, &prior.pose, prior)
+    }
+
+    /// [`FastMatcher::align`] with a starting point that is not the prior's mean.
+    pub fn align_from(
+        &self,
+        field: &SurfelField,
+        scan: &[LinePoint],
+        start: &Pose2,
+        prior: &Prior,
+    ) -> MatchResult {
         let s = &self.settings;
         let all = PointBlocks::new(scan.iter());
         let thinned = PointBlocks::new(scan.iter().step_by(COARSE_STEP));
-        let mut pose = prior.pose;
+        let mut pose = *start;
         let mut kernel = s.kernel_start_m;
         let mut iterations = 0;
         while iterations < s.max_iterations {

@@ -56,14 +56,16 @@ impl FieldMatcher {
         Some(field)
     }
 
-    /// Matches points with a field; what fits no better than chance has diverged.
+    /// Matches points with a field from a starting point; what fits no better than chance has
+    /// diverged.
     pub(crate) fn align_with(
         &self,
         field: &SurfelField,
         scan: &[LinePoint],
+        start: &Pose2,
         prior: &Prior,
     ) -> MatchResult {
-        let result = self.matcher.align(field, scan, prior);
+        let result = self.matcher.align_from(field, scan, start, prior);
         if result.status.is_usable() && result.inlier_ratio < self.error.min_inlier_ratio {
             return MatchResult { status: MatchStatus::Diverged, ..result };
         }
@@ -79,7 +81,7 @@ impl Matcher for FieldMatcher {
     fn align(&self, reference: &PointCloud, scan: &PointCloud, prior: &Prior) -> MatchResult {
         let scan = self.line_points(scan);
         match self.field_of(reference).filter(|_| !scan.is_empty()) {
-            Some(field) => self.align_with(&field, &scan, prior),
+            Some(field) => self.align_with(&field, &scan, &prior.pose, prior),
             None => MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints),
         }
     }

@@ -42,6 +42,7 @@ mod ndt;
 mod neighbours;
 mod normal_equations;
 mod plicp;
+mod point_blocks;
 mod polyline;
 mod projection;
 pub mod protocol;

@@ -1,59 +1,8 @@
+use crate::SurfelField;
+use crate::point_blocks::{LANES, Lanes, PointBlocks, Turned};
 use crate::surfel::{Surfel, UPPER};
-use crate::{LinePoint, SurfelField};
 use geometry::Pose2;
 use pulp::{Simd, WithSimd};
-
-/// Points handled side by side: every operation on a block is a loop over this many lanes, which
-/// the compiler turns into vector instructions.
-pub(crate) const LANES: usize = 8;
-
-type Lanes = [f32; LANES];
-
-/// Points laid out by coordinate, in blocks; the last block is filled up with points of no weight.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct PointBlocks {
-    blocks: Vec<Block>,
-    /// Number of real points.
-    pub len: usize,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Block {
-    x: Lanes,
-    y: Lanes,
-    nx: Lanes,
-    ny: Lanes,
-    variance: Lanes,
-}
-
-impl PointBlocks {
-    pub fn new<'a>(points: impl Iterator<Item = &'a LinePoint>) -> Self {
-        let nothing = [0.0; LANES];
-        let empty = Block {
-            x: nothing,
-            y: nothing,
-            nx: nothing,
-            ny: nothing,
-            variance: [f32::INFINITY; LANES],
-        };
-        let mut result = PointBlocks::default();
-        for p in points {
-            let lane = result.len % LANES;
-            if lane == 0 {
-                result.blocks.push(empty);
-            }
-            if let Some(block) = result.blocks.last_mut() {
-                block.x[lane] = p.x;
-                block.y[lane] = p.y;
-                block.nx[lane] = p.nx;
-                block.ny[lane] = p.ny;
-                block.variance[lane] = p.variance;
-            }
-            result.len += 1;
-        }
-        result
-    }
-}
 
 /// Normal equations of one linearisation, in field coordinates `(tx, ty, yaw)`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -136,35 +85,6 @@ impl<const COUNT_INLIERS: bool> WithSimd for Linearisation<'_, COUNT_INLIERS> {
     }
 }
 
-/// A block rotated into the field's axes, not yet translated.
-pub(crate) struct Turned {
-    pub x: Lanes,
-    pub y: Lanes,
-    pub nx: Lanes,
-    pub ny: Lanes,
-    variance: Lanes,
-}
-
-impl Block {
-    #[inline(always)]
-    fn turned(&self, sin: f32, cos: f32) -> Turned {
-        let mut t = Turned {
-            x: [0.0; LANES],
-            y: [0.0; LANES],
-            nx: [0.0; LANES],
-            ny: [0.0; LANES],
-            variance: self.variance,
-        };
-        for k in 0..LANES {
-            t.x[k] = cos * self.x[k] - sin * self.y[k];
-            t.y[k] = sin * self.x[k] + cos * self.y[k];
-            t.nx[k] = cos * self.nx[k] - sin * self.ny[k];
-            t.ny[k] = sin * self.nx[k] + cos * self.ny[k];
-        }
-        t
-    }
-}
-
 /// Surfels by component.
 struct SurfelLanes {
     nx: Lanes,
@@ -184,8 +104,8 @@ impl SurfelLanes {
             variance: [0.0; LANES],
             normal_variance: [0.0; LANES],
         };
-        for k in 0..LANES {
-            let (normal, line) = (surfels[k].normal, surfels[k].line);
+        for (k, surfel) in surfels.iter().enumerate() {
+            let Surfel { normal, line } = *surfel;
             let doubt = (line >> 32) as u32;
             lanes.nx[k] = f32::from_bits(normal as u32);
             lanes.ny[k] = f32::from_bits((normal >> 32) as u32);
@@ -254,7 +174,7 @@ impl LaneSums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::FieldSettings;
+    use crate::{FieldSettings, LinePoint};
 
     /// A bent wall with ripples, seen from the origin.
     fn wall(count: usize, phase: f32) -> Vec<LinePoint> {

@@ -1,8 +1,10 @@
+mod node;
+
 use crate::LikelihoodPyramid;
 use crate::projection::{Projections, YawSteps};
 use geometry::{Pose2, Vector2};
+pub(crate) use node::Node;
 use serde::{Deserialize, Serialize};
-use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 /// Where a search looks: a box of poses around a centre, in the reference frame.
@@ -134,36 +136,6 @@ impl LikelihoodPyramid {
     }
 }
 
-/// A set of grid poses: `2^level` cells from `(dx, dy)` on, `2^yaw_level` yaws from
-/// `yaw << yaw_level` on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Node {
-    /// Upper bound of the sum of the points' values, exact for a single pose.
-    pub sum: u32,
-    pub level: u8,
-    pub yaw_level: u8,
-    pub yaw: u32,
-    pub dx: i32,
-    pub dy: i32,
-}
-
-impl Ord for Node {
-    /// By bound; among equals the finer one first; then in a fixed order, so that ties are broken
-    /// the same way always.
-    fn cmp(&self, other: &Self) -> Ordering {
-        let key = |n: &Node| {
-            (n.sum, Reverse((n.level, n.yaw_level, n.yaw, n.dy.abs() + n.dx.abs(), n.dy, n.dx)))
-        };
-        key(self).cmp(&key(other))
-    }
-}
-
-impl PartialOrd for Node {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
 /// Below this level, windows hold a single yaw.
 ///
 /// A window of `2^h` yaws needs the table one level up, so it bounds as loosely as one of `2^(h +
@@ -260,8 +232,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Drops windows that cannot hold a pose of this score; called with falling scores, of which the
-    /// first is the highest.
+    /// Drops windows that cannot hold a pose of this score; called with falling scores, of which
+    /// the first is the highest.
     fn raise_floor(&mut self, score: f32) {
         let lowest = f64::from(score.max(0.0)) * 255.0 * self.points as f64;
         self.floor = self.floor.max(floor_below(lowest));

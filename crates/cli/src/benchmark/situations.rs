@@ -159,13 +159,13 @@ impl Place {
             matcher: contender.name.to_owned(),
             cells,
             overall,
-            nearby: self.bound.map(|bound| self.from_nearby(contender, bound)),
+            nearby: self.bound.map(|bound| self.accuracy_nearby(contender, bound)),
         }
     }
 
     /// Every pair once more from a few centimetres away: neither far, nor from the truth itself,
     /// where a matcher that hardly moves looks good.
-    fn from_nearby(&self, contender: &Contender, bound: Matrix3<f64>) -> Accuracy {
+    fn accuracy_nearby(&self, contender: &Contender, bound: Matrix3<f64>) -> Accuracy {
         let tasks: Vec<(&Pair, u64)> =
             self.pairs.iter().flat_map(|pair| (0..STARTS).map(move |k| (pair, k))).collect();
         let attempts: Vec<Attempt> = tasks
