@@ -81,7 +81,8 @@ impl Default for CombinedSettings {
 ///
 /// Branch and bound over a coarse table gives a few distinct grid poses; each is refined, and the
 /// one that explains most of the scan wins. If another one, elsewhere, explains as much, the match
-/// is [`MatchStatus::Ambiguous`]: a wide search that does not say so would be right by luck.
+/// is [`Ambiguous`](crate::MatchStatus::Ambiguous): a wide search that does not say so would be
+/// right by luck.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CombinedMatcher {
     /// The settings.

@@ -82,8 +82,8 @@ impl SurfelField {
         field
     }
 
-    /// Empties the field and moves its window, reusing memory. A window of more than
-    /// [`MOST_CELLS`] to a side keeps its middle.
+    /// Empties the field and moves its window, reusing memory. Of a window of more than
+    /// 1446 cells to a side the middle is kept.
     pub fn reset(&mut self, min: (f64, f64), max: (f64, f64)) {
         let cell = f64::from(self.settings.cell_m);
         let axis = |min: f64, max: f64| {

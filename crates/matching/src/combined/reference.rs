@@ -56,6 +56,9 @@ impl CombinedReference<'_> {
     /// Searches a window for a scan, refines what was found and says whether another place fits as
     /// well.
     pub fn search(&self, scan: &PointCloud, window: &SearchWindow, prior: &Prior) -> MatchResult {
+        if self.tables.is_none() || scan.len().min(self.reference.len()) < MIN_POINTS {
+            return MatchResult::failed(prior.pose, 0, MatchStatus::TooFewPoints);
+        }
         let s = &self.settings;
         let prepared = self.prepare_scan(scan);
         let half_m = window.half_x_m.max(window.half_y_m);

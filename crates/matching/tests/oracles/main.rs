@@ -2,6 +2,7 @@
 
 mod bound;
 mod calibration;
+mod combined;
 mod edge_cases;
 mod field;
 mod laws;
