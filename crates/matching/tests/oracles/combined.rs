@@ -101,7 +101,7 @@ fn a_building_is_never_mistaken() {
     let rng = &mut StdRng::seed_from_u64(9);
     let (low, high) = world.plan().bounds();
     let mut map = PointCloud::default();
-    let mut free = |rng: &mut StdRng| loop {
+    let free = |rng: &mut StdRng| loop {
         let (x, y) = (rng.random_range(low.x..high.x), rng.random_range(low.y..high.y));
         if world.plan().clearance(geometry::Vector2::new(x, y)) > 0.4 {
             return Pose2::new(x, y, rng.random_range(-PI..PI));
