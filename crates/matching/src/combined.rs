@@ -33,8 +33,11 @@ pub struct CombinedSettings {
     pub search_points: usize,
     /// The table that is searched.
     pub likelihood: LikelihoodSettings,
-    /// When this share of a scan's points lies on lines, the fast matcher refines; else WSM.
-    pub lines: f64,
+    /// When this share of a scan's points lies on surfaces of at least `wall_m`, the fast matcher
+    /// refines; else WSM.
+    pub walls: f64,
+    /// Length of a surface that is no tree trunk and no leg, metres.
+    pub wall_m: f64,
     /// The fast local matcher.
     pub fast: FastSettings,
     /// The field that it matches with.
@@ -65,8 +68,8 @@ impl Default for CombinedSettings {
                 levels: 5,
                 ..LikelihoodSettings::default()
             },
-            // Two thirds of a wood lie on lines, all but a twentieth of a building.
-            lines: 0.8,
+            walls: 0.4,
+            wall_m: 0.7,
             fast: FastSettings::default(),
             field: FieldSettings::default(),
             scattered: WsmSettings { gate_start_m: 0.4, ..WsmSettings::default() },

@@ -22,6 +22,9 @@ struct PreparedScan<'a> {
     lines: Option<Vec<LinePoint>>,
 }
 
+/// Successive points on surfaces farther apart than this lie on two, metres and share of the range.
+const BREAK_M: f64 = 0.2;
+const BREAK_SHARE: f64 = 0.05;
 /// Grid poses whose scores differ by less than this fit as well as one another.
 const TIED: f32 = 0.06;
 /// A pose that explains more than this share of a scan leaves nothing to be wished for.
@@ -122,8 +125,9 @@ impl CombinedReference<'_> {
 
     fn prepare_scan<'b>(&self, cloud: &'b PointCloud) -> PreparedScan<'b> {
         let lines = self.settings.local().line_points(cloud);
-        let enough = lines.len() as f64 >= self.settings.lines * cloud.len() as f64;
-        PreparedScan { cloud, lines: (enough && self.field.is_some()).then_some(lines) }
+        let on_walls = on_long_surfaces(&lines, self.settings.wall_m);
+        let walls = on_walls as f64 >= self.settings.walls * cloud.len() as f64;
+        PreparedScan { cloud, lines: (walls && self.field.is_some()).then_some(lines) }
     }
 
     /// The local matcher that suits the scan, from a starting point.
@@ -135,6 +139,27 @@ impl CombinedReference<'_> {
         let matcher = WsmMatcher { settings: s.scattered };
         matcher.align_from(self.reference, scan.cloud, start, prior)
     }
+}
+
+/// How many of a scan's points, in the order of its beams, lie on surfaces of at least this length.
+fn on_long_surfaces(points: &[LinePoint], length_m: f64) -> usize {
+    let distance = |a: &LinePoint, b: &LinePoint| f64::from((a.x - b.x).hypot(a.y - b.y));
+    let continues = |pair: &[LinePoint]| {
+        let [a, b] = pair else { return false };
+        distance(a, b) < BREAK_M + BREAK_SHARE * f64::from(a.x.hypot(a.y))
+    };
+    let mut count = 0;
+    let mut start = 0;
+    for end in 1..=points.len() {
+        if end < points.len() && continues(&points[end - 1..=end]) {
+            continue;
+        }
+        if distance(&points[start], &points[end - 1]) >= length_m {
+            count += end - start;
+        }
+        start = end;
+    }
+    count
 }
 
 /// Whether there may be more grid poses as good as the best.

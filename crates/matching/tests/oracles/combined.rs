@@ -3,12 +3,13 @@
 
 use crate::rooms::{cloud, pair};
 use geometry::{Matrix3, Pose2, Vector3};
+use manifoldslam_matching::protocol::{perturbations, pose_error};
 use manifoldslam_matching::{
     CombinedMatcher, MatchStatus, Matcher, PointCloud, Prior, SearchWindow,
 };
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use std::f64::consts::PI;
-use synthetic::{FloorPlan, LaserNoise, RayCaster, Scanner, office_plan};
+use synthetic::{FloorPlan, LaserNoise, RayCaster, Scanner, Situation, office_plan};
 
 fn scanner() -> Scanner {
     Scanner::half_circle(361, LaserNoise::gaussian(0.01))
@@ -130,4 +131,24 @@ fn a_building_is_never_mistaken() {
         right += usize::from(near && found.status.is_usable());
     }
     assert!(right >= 8, "{right} of 24 told apart");
+}
+
+/// The thesis's places at other noises than its own: found from everywhere, or said not to be.
+#[test]
+fn the_thesis_s_places_are_found_at_any_noise() {
+    let matcher = CombinedMatcher::default();
+    for noise in [0.005, 0.01, 0.02, 0.03] {
+        for situation in Situation::ALL {
+            let world = RayCaster::new(situation.plan());
+            let noise = LaserNoise { max_range: 20.0, ..LaserNoise::gaussian(noise) };
+            let pair = situation.pair(&world, &Situation::scanner(noise), 11);
+            let (reference, scan) = (cloud(&pair.reference), cloud(&pair.scan));
+            for guess in perturbations().iter().step_by(6) {
+                let start = guess.disturb(&pair.truth());
+                let found = matcher.align(&reference, &scan, &Prior::guess(start));
+                let error = pose_error(&found.pose, &pair.truth());
+                assert!(error < 0.1, "{situation:?} {noise:?} {guess:?}: {error} {found:?}");
+            }
+        }
+    }
 }
