@@ -37,7 +37,8 @@ pub(crate) struct Linearisation {
     /// Information and gradient of half the cost, as a right perturbation in the scan's frame.
     pub h: Matrix3<f64>,
     pub g: Vector3<f64>,
-    /// The same information with partners that slide along their segments as the scan moves.
+    /// The same information with partners that slide along their segments as the scan moves; zero
+    /// for those that do not.
     pub sliding: Matrix3<f64>,
 }
 
@@ -256,7 +257,9 @@ impl<C: Correspondence, W: PairWeight> ClosestPoints<'_, C, W> {
             let weighted = jacobian.transpose() * pair.weight;
             h += weighted * jacobian;
             g -= weighted * pair.residual;
-            sliding += jacobian.transpose() * pair.sliding_weight() * jacobian;
+            if C::SLIDES {
+                sliding += jacobian.transpose() * pair.sliding_weight() * jacobian;
+            }
         }
         Linearisation { pairs, h, g, sliding }
     }

@@ -26,6 +26,25 @@ pub struct CloudPoint {
     pub beam: u32,
 }
 
+impl CloudPoint {
+    /// A point known without error, `range` metres along the unit vector `ray` from the laser at
+    /// the origin, on a surface with this unit normal: what [`fisher_information`] takes.
+    ///
+    /// [`fisher_information`]: crate::fisher_information
+    pub fn exact(ray: Vector2<f64>, range: f64, normal: Vector2<f64>) -> Self {
+        CloudPoint {
+            position: ray * range,
+            ray,
+            range,
+            normal: Some(normal),
+            normal_variance: 0.0,
+            line_distance: 0.0,
+            beam_step: 0.0,
+            beam: 0,
+        }
+    }
+}
+
 /// Surface points in one frame, of any number and field of view: a scan or a local submap.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointCloud {

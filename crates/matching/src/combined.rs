@@ -2,11 +2,12 @@ mod choice;
 mod reference;
 mod tables;
 
+use crate::fast::turn;
 use crate::{
     FastMatcher, FastSettings, FieldMatcher, FieldSettings, LikelihoodSettings, MatchResult,
     Matcher, PointCloud, Prior, SearchWindow, WsmSettings,
 };
-use geometry::{Matrix3, Vector3};
+use geometry::Vector3;
 pub use reference::CombinedReference;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -31,7 +32,7 @@ pub struct CombinedSettings {
     pub below_best: f32,
     /// About this many of the scan's points are searched with.
     pub search_points: usize,
-    /// The table that is searched.
+    /// The table that is searched; its levels follow from the window.
     pub likelihood: LikelihoodSettings,
     /// When this share of a scan's points lies on surfaces of at least `wall_m`, the fast matcher
     /// refines; else WSM.
@@ -62,12 +63,7 @@ impl Default for CombinedSettings {
             candidates: 12,
             below_best: 0.1,
             search_points: 120,
-            likelihood: LikelihoodSettings {
-                cell_m: 0.1,
-                sigma_m: 0.1,
-                levels: 5,
-                ..LikelihoodSettings::default()
-            },
+            likelihood: LikelihoodSettings { cell_m: 0.1, sigma_m: 0.1, ..Default::default() },
             walls: 0.4,
             wall_m: 0.7,
             fast: FastSettings::default(),
@@ -116,8 +112,7 @@ impl CombinedSettings {
 
     /// Where to look around a guess; `None` where the local matcher will find back by itself.
     fn window(&self, prior: &Prior) -> Option<SearchWindow> {
-        let (sin, cos) = prior.pose.yaw.sin_cos();
-        let turn = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+        let turn = turn(&prior.pose);
         let three_sigmas = prior
             .information
             .try_inverse()

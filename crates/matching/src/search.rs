@@ -23,7 +23,7 @@ pub struct SearchWindow {
 impl SearchWindow {
     /// The level of a [`LikelihoodPyramid`] with cells of this side that is coarse enough for the
     /// window.
-    pub fn levels(&self, cell_m: f64) -> u8 {
+    pub(crate) fn levels(&self, cell_m: f64) -> u8 {
         let cells = 2.0 * self.half_x_m.max(self.half_y_m) / cell_m + 1.0;
         let coarsest = cells.clamp(1.0, 1e9).log2().ceil() as usize + 1;
         coarsest.min(LikelihoodPyramid::TOP_LEVEL) as u8

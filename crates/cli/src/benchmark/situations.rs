@@ -111,9 +111,10 @@ impl Place {
         }
     }
 
-    /// Number of trials of one matcher.
-    pub fn trials(&self) -> u64 {
-        (self.pairs.len() * perturbations().len()) as u64
+    /// Number of matches that one matcher makes.
+    pub fn matches(&self) -> u64 {
+        let nearby = self.bound.map_or(0, |_| STARTS);
+        self.pairs.len() as u64 * (perturbations().len() as u64 + nearby)
     }
 
     /// Runs the protocol for every matcher.
@@ -159,20 +160,27 @@ impl Place {
             matcher: contender.name.to_owned(),
             cells,
             overall,
-            nearby: self.bound.map(|bound| self.accuracy_nearby(contender, bound)),
+            nearby: self.bound.map(|bound| self.accuracy_nearby(contender, bound, bar)),
         }
     }
 
     /// Every pair once more from a few centimetres away: neither far, nor from the truth itself,
     /// where a matcher that hardly moves looks good.
-    fn accuracy_nearby(&self, contender: &Contender, bound: Matrix3<f64>) -> Accuracy {
+    fn accuracy_nearby(
+        &self,
+        contender: &Contender,
+        bound: Matrix3<f64>,
+        bar: &ProgressBar,
+    ) -> Accuracy {
         let tasks: Vec<(&Pair, u64)> =
             self.pairs.iter().flat_map(|pair| (0..STARTS).map(move |k| (pair, k))).collect();
         let attempts: Vec<Attempt> = tasks
             .par_iter()
             .map(|(pair, start)| {
                 let guess = near(&pair.truth, &mut StdRng::seed_from_u64(*start));
-                Attempt::new(&contender.timed(pair, &guess), &pair.truth, Some(bound))
+                let answer = contender.timed(pair, &guess);
+                bar.inc(1);
+                Attempt::new(&answer, &pair.truth, Some(bound))
             })
             .collect();
         Accuracy::of(&attempts)

@@ -31,16 +31,7 @@ pub fn visible_bound(
 
 fn point(beam: &TrueBeam) -> CloudPoint {
     let ray = Vector2::new(beam.bearing.cos(), beam.bearing.sin());
-    CloudPoint {
-        position: ray * beam.range,
-        ray,
-        range: beam.range,
-        normal: Some(beam.normal),
-        normal_variance: 0.0,
-        line_distance: 0.0,
-        beam_step: 0.0,
-        beam: 0,
-    }
+    CloudPoint::exact(ray, beam.range, beam.normal)
 }
 
 /// Does a scanner at a pose see a point of a surface?

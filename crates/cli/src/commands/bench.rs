@@ -71,7 +71,7 @@ fn places(args: &MatchersArgs, contenders: &[Contender]) -> Result<Vec<Place>> {
 /// How many matches one matcher will make.
 fn matches(args: &MatchersArgs, places: &[Place], pairs: usize, with_basins: bool) -> u64 {
     let of = |name: &str, share: u64| u64::from(args.wants(name)) * share * u64::from(args.rooms);
-    let protocol: u64 = places.iter().map(Place::trials).sum();
+    let protocol: u64 = places.iter().map(Place::matches).sum();
     let basins = if with_basins { basins::TRIALS * places.len() as u64 } else { 0 };
     protocol + basins + pairs as u64 + of("rooms", 1) + of("submap", 1) + of("degenerate", 2)
 }

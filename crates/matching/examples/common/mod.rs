@@ -4,7 +4,7 @@ use geometry::{Matrix3, Pose2, Vector2};
 use manifoldslam_matching::{CloudPoint, PointCloud, cramer_rao_bound, fisher_information};
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use sensing::Scan;
-use synthetic::{LaserNoise, RayCaster, Scanner, noisy_room};
+use synthetic::{LaserNoise, RayCaster, Scanner, TrueBeam, noisy_room};
 
 /// Scans that make up a submap.
 pub const SUBMAP_SCANS: usize = 6;
@@ -77,20 +77,9 @@ pub fn bound(
 }
 
 fn true_endpoints(scanner: &Scanner, world: &RayCaster, pose: &Pose2) -> Vec<CloudPoint> {
-    let beams = scanner.truth(world, pose).into_iter().enumerate();
-    let points = beams.filter_map(|(beam, hit)| {
-        let hit = hit?;
-        let ray = Vector2::new(hit.bearing.cos(), hit.bearing.sin());
-        Some(CloudPoint {
-            position: ray * hit.range,
-            ray,
-            range: hit.range,
-            normal: Some(hit.normal),
-            normal_variance: 0.0,
-            line_distance: 0.0,
-            beam_step: scanner.laser.angle_increment_rad,
-            beam: beam as u32,
-        })
-    });
-    points.collect()
+    let exact = |beam: TrueBeam| {
+        let ray = Vector2::new(beam.bearing.cos(), beam.bearing.sin());
+        CloudPoint::exact(ray, beam.range, beam.normal)
+    };
+    scanner.truth(world, pose).into_iter().flatten().map(exact).collect()
 }

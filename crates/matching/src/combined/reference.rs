@@ -101,7 +101,7 @@ impl CombinedReference<'_> {
 
     /// The grid poses of a window at which a scan fits best, not refined; none if there are too few
     /// points or no tables.
-    pub fn candidates(
+    fn candidates(
         &self,
         scan: &PointCloud,
         window: &SearchWindow,

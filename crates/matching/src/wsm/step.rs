@@ -1,6 +1,7 @@
 use super::pairing::WeightedPair;
 use crate::Prior;
-use geometry::{Matrix2, Matrix3, Pose2, Vector2, wrap_angle};
+use crate::fast::turn;
+use geometry::{Matrix2, Pose2, Vector2, wrap_angle};
 
 /// The matrix that turns by a right angle.
 fn j() -> Matrix2<f64> {
@@ -17,8 +18,7 @@ struct PriorTerm {
 
 impl PriorTerm {
     fn new(prior: &Prior) -> Self {
-        let (s, c) = prior.pose.yaw.sin_cos();
-        let turn = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
+        let turn = turn(&prior.pose);
         let h = turn * prior.information * turn.transpose();
         PriorTerm {
             pp: h.fixed_view::<2, 2>(0, 0).into_owned(),

@@ -59,16 +59,7 @@ fn information_is_the_numeric_derivative_of_the_ranges() {
             continue; // the step crossed an edge
         }
         numeric += g * g.transpose() / (0.02 * 0.02);
-        smooth.push(CloudPoint {
-            position: ray * beam.range,
-            ray,
-            range: beam.range,
-            normal: Some(beam.normal),
-            normal_variance: 0.0,
-            line_distance: 0.0,
-            beam_step: 0.0,
-            beam: 0,
-        });
+        smooth.push(CloudPoint::exact(ray, beam.range, beam.normal));
     }
     let analytic = fisher_information(&PointCloud { points: smooth }, 0.02, 0.0);
     let error = (analytic - numeric).norm() / numeric.norm();
