@@ -23,11 +23,11 @@ pub fn closure_marks(manifold: &Manifold) -> Vec<ClosureMark> {
     manifold
         .relations()
         .iter()
-        .filter(|relation| relation.provenance == Provenance::LoopClosure)
+        .filter(|relation| relation.provenance != Provenance::Sequential)
         .map(|relation| ClosureMark {
             from: place(relation.from),
             to: place(relation.to),
-            accepted: !relation.retracted,
+            accepted: relation.is_active(),
         })
         .collect()
 }

@@ -248,6 +248,8 @@ impl<R: BufRead> CarmenReader<R> {
             base_from_laser,
             scan,
             sweep: None,
+            attitude: None,
+            sightings: Vec::new(),
         };
         let twist = line.twist.filter(|_| self.options.use_odometry);
         Some(LogRecord { line: number, stamp_text: line.stamp_text, observation, twist })

@@ -6,14 +6,24 @@
 //! be retracted: the manifold is then the one that was built without it.
 
 mod change;
+mod islands;
 mod local_submap;
 mod manifold;
 mod patch;
+mod patch_sighting;
 mod path_uncertainty;
 mod relation;
+mod robot;
+mod way;
 
 pub use change::{Change, ManifoldError};
+pub use islands::Islands;
 pub use local_submap::{INTERVAL_95, SubmapLimits, SubmapMember};
 pub use manifold::Manifold;
-pub use patch::{Patch, PatchId};
-pub use relation::{Provenance, Relation, RelationId, through_relation};
+pub use patch::{Elevation, Patch, PatchId};
+pub use patch_sighting::PatchSighting;
+pub use relation::{
+    Provenance, Relation, RelationId, RelationState, Retraction, through_relation,
+};
+pub use robot::Robot;
+pub use way::{Climb, Way};

@@ -1,14 +1,20 @@
-use crate::{Change, ManifoldError, Patch, PatchId, Provenance, Relation, RelationId};
+use crate::{
+    Change, Elevation, ManifoldError, Patch, PatchId, PatchSighting, Provenance, Relation,
+    RelationId, RelationState, Retraction, Robot, Way,
+};
 use geometry::{GaussianPose2, Pose2};
-use sensing::{RobotId, Scan, Stamp};
+use sensing::RobotId;
 use std::sync::Arc;
 
 /// All patches and relations of a team.
 #[derive(Clone, Debug, Default)]
 pub struct Manifold {
+    robots: Vec<Robot>,
     patches: Vec<Patch>,
     relations: Vec<Relation>,
-    /// Relations at each patch, retracted ones excluded, in order of creation.
+    ways: Vec<Way>,
+    sightings: Vec<PatchSighting>,
+    /// Relations at each patch, active ones alone, in order of creation.
     adjacent: Vec<Vec<RelationId>>,
     /// What happened since the journal was last taken.
     journal: Vec<Change>,
@@ -20,20 +26,18 @@ impl Manifold {
         Self::default()
     }
 
-    /// Adds a patch without relations: the start of an island, until it is related.
-    pub fn add_patch(
-        &mut self,
-        robot: RobotId,
-        stamp: Stamp,
-        scan: Arc<Scan>,
-        base_from_laser: Pose2,
-        island_from_patch: Pose2,
-    ) -> PatchId {
+    /// Takes a robot into the team.
+    pub fn add_robot(&mut self, name: &str) -> RobotId {
+        let id = RobotId(self.robots.len() as u16);
+        self.record(Change::RobotJoined(Robot { id, name: Arc::from(name) }));
+        id
+    }
+
+    /// Adds a patch without relations, under the next free id whatever id it has: the start of an
+    /// island, until it is related.
+    pub fn add_patch(&mut self, patch: Patch) -> PatchId {
         let id = PatchId(self.patches.len() as u32);
-        let patch = Patch { id, robot, stamp, scan, base_from_laser, island_from_patch };
-        self.journal.push(Change::PatchAdded(patch.clone()));
-        self.patches.push(patch);
-        self.adjacent.push(Vec::new());
+        self.record(Change::PatchAdded(Patch { id, ..patch }));
         id
     }
 
@@ -45,46 +49,64 @@ impl Manifold {
         from_from_to: GaussianPose2,
         provenance: Provenance,
     ) -> RelationId {
-        let id = RelationId(self.relations.len() as u32);
-        let relation = Relation { id, from, to, from_from_to, provenance, retracted: false };
-        self.journal.push(Change::RelationAdded(relation));
-        self.relations.push(relation);
-        self.adjacent[from.index()].push(id);
-        self.adjacent[to.index()].push(id);
-        id
+        self.add_relation(from, to, from_from_to, provenance, RelationState::Active)
     }
 
-    /// Takes a relation back. It stays on record but is no longer part of the map.
-    pub fn retract(&mut self, id: RelationId) {
-        let relation = &mut self.relations[id.index()];
-        if std::mem::replace(&mut relation.retracted, true) {
-            return;
+    /// Puts a relation on record that is no part of the map until it is confirmed.
+    pub fn propose(
+        &mut self,
+        from: PatchId,
+        to: PatchId,
+        from_from_to: GaussianPose2,
+        provenance: Provenance,
+    ) -> RelationId {
+        self.add_relation(from, to, from_from_to, provenance, RelationState::Provisional)
+    }
+
+    /// Makes a proposed or retracted relation part of the map.
+    pub fn confirm(&mut self, id: RelationId) {
+        if !self.relation(id).is_active() {
+            self.record(Change::RelationConfirmed(id));
         }
-        self.journal.push(Change::RelationRetracted(id));
-        for end in [relation.from, relation.to] {
-            self.adjacent[end.index()].retain(|&r| r != id);
+    }
+
+    /// Takes a relation back. It stays on record but is no longer part of the map; the first reason
+    /// given stands.
+    pub fn retract(&mut self, id: RelationId, reason: Retraction) {
+        if !matches!(self.relation(id).state, RelationState::Retracted(_)) {
+            self.record(Change::RelationRetracted(id, reason));
         }
-    }
-
-    /// All patches in order of creation.
-    pub fn patches(&self) -> &[Patch] {
-        &self.patches
-    }
-
-    /// One patch.
-    pub fn patch(&self, id: PatchId) -> &Patch {
-        &self.patches[id.index()]
     }
 
     /// Re-estimates poses: where each named patch now lies in its island.
     pub fn refit(&mut self, poses: Vec<(PatchId, Pose2)>) {
-        if poses.is_empty() {
-            return;
+        if !poses.is_empty() {
+            self.record(Change::PosesReestimated(poses));
         }
-        for &(patch, pose) in &poses {
-            self.patches[patch.index()].island_from_patch = pose;
+    }
+
+    /// Re-estimates heights.
+    pub fn elevate(&mut self, elevations: Vec<(PatchId, Elevation)>) {
+        if !elevations.is_empty() {
+            self.record(Change::ElevationsReestimated(elevations));
         }
-        self.journal.push(Change::PosesReestimated(poses));
+    }
+
+    /// Notes what a robot measured between two patches.
+    pub fn note_way(&mut self, way: Way) {
+        self.record(Change::WayNoted(way));
+    }
+
+    /// Stores a landmark seen from a patch.
+    pub fn note_sighting(&mut self, sighting: PatchSighting) {
+        self.record(Change::LandmarkSighted(sighting));
+    }
+
+    /// Leaves patches out of the map, or takes them in again.
+    pub fn leave_out(&mut self, patches: Vec<PatchId>, left_out: bool) {
+        if !patches.is_empty() {
+            self.record(Change::LeftOut(patches, left_out));
+        }
     }
 
     /// Takes the journal: every change since it was last taken, in order.
@@ -101,26 +123,47 @@ impl Manifold {
     /// changed.
     pub fn apply(&mut self, change: &Change) -> Result<(), ManifoldError> {
         let known = |p: PatchId| p.index() < self.patches.len();
-        match change {
-            Change::PatchAdded(p) if p.id.index() == self.patches.len() => {
-                let scan = Arc::clone(&p.scan);
-                self.add_patch(p.robot, p.stamp, scan, p.base_from_laser, p.island_from_patch);
+        let related = |r: RelationId| r.index() < self.relations.len();
+        let follows = match change {
+            Change::RobotJoined(robot) => usize::from(robot.id.0) == self.robots.len(),
+            Change::PatchAdded(patch) => patch.id.index() == self.patches.len(),
+            Change::RelationAdded(r) => {
+                r.id.index() == self.relations.len()
+                    && known(r.from)
+                    && known(r.to)
+                    && r.from != r.to
             }
-            Change::RelationAdded(r)
-                if r.id.index() == self.relations.len() && known(r.from) && known(r.to) =>
-            {
-                self.relate(r.from, r.to, r.from_from_to, r.provenance);
-            }
-            Change::RelationRetracted(id) if id.index() < self.relations.len() => self.retract(*id),
-            Change::PosesReestimated(poses) if poses.iter().all(|p| known(p.0)) => {
-                self.refit(poses.clone());
-            }
-            _ => return Err(ManifoldError::OutOfOrder),
+            Change::RelationConfirmed(id) => related(*id),
+            Change::RelationRetracted(id, _) => related(*id),
+            Change::PosesReestimated(poses) => poses.iter().all(|p| known(p.0)),
+            Change::ElevationsReestimated(heights) => heights.iter().all(|h| known(h.0)),
+            Change::WayNoted(way) => known(way.from) && known(way.to),
+            Change::LandmarkSighted(sighting) => known(sighting.patch),
+            Change::LeftOut(patches, _) => patches.iter().all(|p| known(*p)),
+        };
+        if !follows {
+            return Err(ManifoldError::OutOfOrder);
         }
+        self.record(change.clone());
         Ok(())
     }
 
-    /// All relations on record in order of creation, retracted ones included.
+    /// The robots in the order of joining.
+    pub fn robots(&self) -> &[Robot] {
+        &self.robots
+    }
+
+    /// All patches in order of creation.
+    pub fn patches(&self) -> &[Patch] {
+        &self.patches
+    }
+
+    /// One patch.
+    pub fn patch(&self, id: PatchId) -> &Patch {
+        &self.patches[id.index()]
+    }
+
+    /// All relations on record in order of creation, those that are no part of the map included.
     pub fn relations(&self) -> &[Relation] {
         &self.relations
     }
@@ -132,7 +175,17 @@ impl Manifold {
 
     /// The relations that are part of the map.
     pub fn active_relations(&self) -> impl Iterator<Item = &Relation> {
-        self.relations.iter().filter(|r| !r.retracted)
+        self.relations.iter().filter(|r| r.is_active())
+    }
+
+    /// What robots measured between their patches, in the order it was noted.
+    pub fn ways(&self) -> &[Way] {
+        &self.ways
+    }
+
+    /// Landmarks seen, in the order they were noted.
+    pub fn sightings(&self) -> &[PatchSighting] {
+        &self.sightings
     }
 
     /// The neighbours of a patch: the other end and `patch_from_other`.
@@ -142,28 +195,79 @@ impl Manifold {
             .filter_map(move |r| self.relations[r.index()].seen_from(id))
     }
 
-    /// The connected components: each a sorted list of patches, in the order of their first patch.
-    pub fn islands(&self) -> Vec<Vec<PatchId>> {
-        let mut seen = vec![false; self.patches.len()];
-        let mut islands = Vec::new();
-        for start in 0..self.patches.len() {
-            if seen[start] {
-                continue;
+    fn add_relation(
+        &mut self,
+        from: PatchId,
+        to: PatchId,
+        from_from_to: GaussianPose2,
+        provenance: Provenance,
+        state: RelationState,
+    ) -> RelationId {
+        let id = RelationId(self.relations.len() as u32);
+        self.record(Change::RelationAdded(Relation {
+            id,
+            from,
+            to,
+            from_from_to,
+            provenance,
+            state,
+        }));
+        id
+    }
+
+    /// Performs a change that follows on the present state, and writes it down.
+    fn record(&mut self, change: Change) {
+        match &change {
+            Change::RobotJoined(robot) => self.robots.push(robot.clone()),
+            Change::PatchAdded(patch) => {
+                self.patches.push(patch.clone());
+                self.adjacent.push(Vec::new());
             }
-            seen[start] = true;
-            let mut island = vec![PatchId(start as u32)];
-            let mut next = 0;
-            while next < island.len() {
-                for (other, _) in self.neighbours(island[next]) {
-                    if !std::mem::replace(&mut seen[other.index()], true) {
-                        island.push(other);
-                    }
+            Change::RelationAdded(relation) => {
+                self.relations.push(*relation);
+                self.attach(relation.id, relation.is_active());
+            }
+            Change::RelationConfirmed(id) => {
+                self.relations[id.index()].state = RelationState::Active;
+                self.attach(*id, true);
+            }
+            Change::RelationRetracted(id, reason) => {
+                self.relations[id.index()].state = RelationState::Retracted(*reason);
+                self.attach(*id, false);
+            }
+            Change::PosesReestimated(poses) => {
+                for &(patch, pose) in poses {
+                    self.patches[patch.index()].island_from_patch = pose;
                 }
-                next += 1;
             }
-            island.sort_unstable();
-            islands.push(island);
+            Change::ElevationsReestimated(elevations) => {
+                for &(patch, elevation) in elevations {
+                    self.patches[patch.index()].elevation = Some(elevation);
+                }
+            }
+            Change::WayNoted(way) => self.ways.push(*way),
+            Change::LandmarkSighted(sighting) => self.sightings.push(sighting.clone()),
+            Change::LeftOut(patches, left_out) => {
+                for patch in patches {
+                    self.patches[patch.index()].left_out = *left_out;
+                }
+            }
         }
-        islands
+        self.journal.push(change);
+    }
+
+    /// Lists a relation at its ends, or does so no longer; the lists stay in order of creation.
+    fn attach(&mut self, id: RelationId, attached: bool) {
+        let relation = self.relations[id.index()];
+        for end in [relation.from, relation.to] {
+            let list = &mut self.adjacent[end.index()];
+            match (list.binary_search(&id), attached) {
+                (Err(place), true) => list.insert(place, id),
+                (Ok(place), false) => {
+                    list.remove(place);
+                }
+                _ => {}
+            }
+        }
     }
 }

@@ -1,10 +1,12 @@
 use geometry::Pose2;
-use sensing::{RobotId, Scan, Stamp};
+use sensing::{Attitude, RobotId, Scan, Stamp, Sweep};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Name of a patch: its index in the manifold, in the order of creation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct PatchId(pub u32);
 
 impl PatchId {
@@ -17,7 +19,7 @@ impl PatchId {
 /// A node of the manifold: a scan and its pose (a keyframe, elsewhere).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
-    /// Name.
+    /// Name; given by the manifold when the patch is added.
     pub id: PatchId,
     /// The robot that took the scan.
     pub robot: RobotId,
@@ -25,8 +27,26 @@ pub struct Patch {
     pub stamp: Stamp,
     /// The scan; never changes.
     pub scan: Arc<Scan>,
+    /// How the robot moved while it was taken, where that is known.
+    pub sweep: Option<Sweep>,
     /// Mounting of the laser when the scan was taken.
     pub base_from_laser: Pose2,
-    /// Present estimate of the robot's base in the island's frame. The only thing refits change.
+    /// How the base leaned when the scan was taken, where that is known.
+    pub attitude: Option<Attitude>,
+    /// Present estimate of the robot's base in the island's frame. Refits change this and the
+    /// elevation, and nothing else.
     pub island_from_patch: Pose2,
+    /// Present estimate of the height above the island's first patch; `None` where nothing tells.
+    pub elevation: Option<Elevation>,
+    /// Not to be drawn, matched or merged: its robot's data went bad.
+    pub left_out: bool,
+}
+
+/// A height with its doubt.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Elevation {
+    /// Height above the island's first patch, metres.
+    pub height_m: f64,
+    /// Its variance, m^2.
+    pub variance_m2: f64,
 }

@@ -21,6 +21,37 @@ pub enum Provenance {
     Sequential,
     /// A loop closed by comparing geometry.
     LoopClosure,
+    /// A loop closed, or islands merged, where both ends see the same landmarks.
+    Landmark,
+    /// Islands merged by comparing geometry.
+    Merge,
+    /// One robot saw the other.
+    Rendezvous,
+}
+
+/// Whether a relation is part of the map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RelationState {
+    /// Part of the map.
+    #[default]
+    Active,
+    /// Proposed: its evidence is not enough yet. On record, but no part of the map.
+    Provisional,
+    /// Taken back: kept for the record, but no longer part of the map.
+    Retracted(Retraction),
+}
+
+/// Why a relation was taken back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Retraction {
+    /// Other relations contradict it.
+    Contradicted,
+    /// The user said so; nothing like it is proposed again between the two ends' robots.
+    ByUser,
+    /// The robot's data went bad at that point.
+    BadData,
 }
 
 /// An edge of the manifold: a relative pose with its uncertainty (a constraint, elsewhere).
@@ -36,11 +67,16 @@ pub struct Relation {
     pub from_from_to: GaussianPose2,
     /// Where it comes from.
     pub provenance: Provenance,
-    /// Taken back: kept for the record, but no longer part of the map.
-    pub retracted: bool,
+    /// Whether it is part of the map.
+    pub state: RelationState,
 }
 
 impl Relation {
+    /// True when it is part of the map.
+    pub fn is_active(&self) -> bool {
+        self.state == RelationState::Active
+    }
+
     /// The relation seen from `patch`: the patch at the other end and `patch_from_other`; `None` if
     /// `patch` is not one of its ends.
     pub fn seen_from(&self, patch: PatchId) -> Option<(PatchId, GaussianPose2)> {

@@ -11,15 +11,19 @@
 //! assert_eq!(scan.class(2), BeamClass::NoReturn);
 //! ```
 
+mod attitude;
 mod decimation;
 mod deskew;
 mod limits;
 mod observation;
 mod scan;
+mod sighting;
 mod stamp;
 
+pub use attitude::Attitude;
 pub use deskew::{DeskewSettings, DeskewedHit, Sweep, Twist, Velocimeter};
 pub use limits::{LaserLimits, NoReturnDetector};
 pub use observation::{Observation, RobotId};
 pub use scan::{BeamClass, LaserModel, Scan};
+pub use sighting::{LandmarkKind, Sighting};
 pub use stamp::Stamp;

@@ -1,4 +1,4 @@
-use crate::{Scan, Stamp, Sweep};
+use crate::{Attitude, Scan, Sighting, Stamp, Sweep};
 use geometry::Pose2;
 use serde::{Deserialize, Serialize};
 
@@ -24,4 +24,8 @@ pub struct Observation {
     pub scan: Scan,
     /// How the robot moved while the scan was taken; `None` takes it as taken at once.
     pub sweep: Option<Sweep>,
+    /// How the base leaned, where the log tells.
+    pub attitude: Option<Attitude>,
+    /// Landmarks seen since the scan before, as seen from where this scan was taken.
+    pub sightings: Vec<Sighting>,
 }

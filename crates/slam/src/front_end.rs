@@ -4,7 +4,7 @@ use crate::localiser::{Expectation, Localised, Localiser, SightedScan};
 use crate::map::Map;
 use crate::odometer::{Motion, Odometer};
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::{INTERVAL_95, PatchId, Provenance};
+use manifold::{INTERVAL_95, Patch, PatchId, Provenance, Way};
 use matching::{LinePoint, MatchResult};
 use sensing::Observation;
 use std::sync::Arc;
@@ -196,9 +196,9 @@ impl FrontEnd {
     }
 
     fn note_odometry(&mut self, last: PatchId, patch: PatchId, map: &mut Map) {
-        if let Some(mut way) = self.odometer.new_patch() {
-            way.covariance += self.doubt;
-            map.odometry.push((last, patch, way));
+        if let Some(mut motion) = self.odometer.new_patch() {
+            motion.covariance += self.doubt;
+            map.manifold.note_way(Way { from: last, to: patch, motion: Some(motion), climb: None });
         }
         self.last_patch = Some(patch);
         self.doubt = Matrix3::zeros();
@@ -213,13 +213,18 @@ const DISAGREEMENT_SIGMAS: f64 = 4.0;
 
 fn add_patch(observation: Observation, scan: &[LinePoint], pose: Pose2, map: &mut Map) -> PatchId {
     map.surfaces.push(scan.to_vec());
-    map.manifold.add_patch(
-        observation.robot,
-        observation.stamp,
-        Arc::new(observation.scan),
-        observation.base_from_laser,
-        pose,
-    )
+    map.manifold.add_patch(Patch {
+        id: PatchId::default(),
+        robot: observation.robot,
+        stamp: observation.stamp,
+        scan: Arc::new(observation.scan),
+        sweep: observation.sweep,
+        base_from_laser: observation.base_from_laser,
+        attitude: observation.attitude,
+        island_from_patch: pose,
+        elevation: None,
+        left_out: false,
+    })
 }
 
 impl SlamConfig {

@@ -1,4 +1,4 @@
-use geometry::{GaussianPose2, Pose2};
+use geometry::Pose2;
 use manifold::{Manifold, PatchId};
 use matching::LinePoint;
 
@@ -8,8 +8,6 @@ pub(crate) struct Map {
     pub manifold: Manifold,
     /// Line points of every patch, in the patch's frame.
     pub surfaces: Vec<Vec<LinePoint>>,
-    /// Odometry between successive patches of a robot, `(earlier, later, earlier_from_later)`.
-    pub odometry: Vec<(PatchId, PatchId, GaussianPose2)>,
 }
 
 impl Map {

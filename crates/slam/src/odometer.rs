@@ -286,6 +286,8 @@ mod tests {
                 base_from_laser: Pose2::IDENTITY,
                 scan: Scan::classify(LaserModel::half_circle(1), &[1.0]),
                 sweep: None,
+                attitude: None,
+                sightings: Vec::new(),
             };
             let motion = self.odometer.read(&observation, &self.last_motion);
             self.last_motion = moved;

@@ -51,6 +51,8 @@ impl Run {
                     base_from_laser: robot.scanner.base_from_laser,
                     scan: robot.scanner.scan(&world, &truth[i], &mut laser_rng),
                     sweep: None,
+                    attitude: None,
+                    sightings: Vec::new(),
                 }
             })
             .collect();

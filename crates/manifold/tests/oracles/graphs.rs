@@ -1,7 +1,7 @@
 //! What the tests share: small random manifolds.
 
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifoldslam_manifold::{Manifold, PatchId, Provenance, SubmapLimits};
+use manifoldslam_manifold::{Manifold, Patch, PatchId, Provenance, SubmapLimits};
 use proptest::prelude::*;
 use sensing::{LaserModel, RobotId, Scan, Stamp};
 use std::sync::Arc;
@@ -49,7 +49,18 @@ pub fn links(
 pub fn add_patch(manifold: &mut Manifold, island_from_patch: Pose2) -> PatchId {
     let scan = Arc::new(Scan::classify(LaserModel::half_circle(3), &[1.0, 2.0, 3.0]));
     let stamp = Stamp(manifold.patches().len() as i64);
-    manifold.add_patch(RobotId(0), stamp, scan, Pose2::IDENTITY, island_from_patch)
+    manifold.add_patch(Patch {
+        id: PatchId::default(),
+        robot: RobotId(0),
+        stamp,
+        scan,
+        sweep: None,
+        base_from_laser: Pose2::IDENTITY,
+        attitude: None,
+        island_from_patch,
+        elevation: None,
+        left_out: false,
+    })
 }
 
 pub fn build(patches: usize, links: &[Link]) -> Manifold {

@@ -3,7 +3,7 @@
 use crate::graphs::{add_patch, assert_same_map, build, gaussian, patch, pose};
 use geometry::{GaussianPose2, Pose2};
 use manifoldslam_manifold::{
-    Change, Manifold, ManifoldError, PatchId, Provenance, RelationId, SubmapLimits,
+    Change, Manifold, ManifoldError, PatchId, Provenance, RelationId, Retraction, SubmapLimits,
 };
 use proptest::prelude::*;
 
@@ -13,6 +13,9 @@ enum Deed {
     Add(Pose2),
     Relate(usize, usize, GaussianPose2),
     Retract(usize),
+    Propose(usize, usize, GaussianPose2),
+    Confirm(usize),
+    LeaveOut(usize, bool),
     Refit(Vec<(usize, Pose2)>),
 }
 
@@ -22,6 +25,9 @@ fn deed() -> impl Strategy<Value = Deed> {
         pose().prop_map(Deed::Add),
         (some.clone(), some.clone(), gaussian()).prop_map(|(a, b, g)| Deed::Relate(a, b, g)),
         some.clone().prop_map(Deed::Retract),
+        (some.clone(), some.clone(), gaussian()).prop_map(|(a, b, g)| Deed::Propose(a, b, g)),
+        some.clone().prop_map(Deed::Confirm),
+        (some.clone(), any::<bool>()).prop_map(|(p, out)| Deed::LeaveOut(p, out)),
         prop::collection::vec((some, pose()), 0..4).prop_map(Deed::Refit),
     ]
 }
@@ -37,8 +43,17 @@ fn perform(manifold: &mut Manifold, deed: &Deed) {
             let (from, to) = (patch(a), patch((a + 1 + b) % patches));
             manifold.relate(from, to, *step, Provenance::LoopClosure);
         }
+        Deed::Propose(a, b, step) if patches > 1 => {
+            let (a, b) = (a % patches, b % (patches - 1));
+            let (from, to) = (patch(a), patch((a + 1 + b) % patches));
+            manifold.propose(from, to, *step, Provenance::Merge);
+        }
+        Deed::Confirm(id) if relations > 0 => {
+            manifold.confirm(RelationId((id % relations) as u32));
+        }
+        Deed::LeaveOut(p, out) if patches > 0 => manifold.leave_out(vec![patch(p % patches)], *out),
         Deed::Retract(id) if relations > 0 => {
-            manifold.retract(RelationId((id % relations) as u32));
+            manifold.retract(RelationId((id % relations) as u32), Retraction::Contradicted);
         }
         Deed::Refit(poses) if patches > 0 => {
             manifold.refit(poses.iter().map(|(p, pose)| (patch(p % patches), *pose)).collect());
@@ -88,7 +103,9 @@ fn changes_out_of_order_are_refused_and_change_nothing() {
         &journal[0],
         &journal[1],
         second_relation,
-        &Change::RelationRetracted(RelationId(0)),
+        &Change::RelationRetracted(RelationId(0), Retraction::ByUser),
+        &Change::RelationConfirmed(RelationId(0)),
+        &Change::LeftOut(vec![unknown], true),
         &Change::PosesReestimated(moved),
     ] {
         let mut manifold = fresh.clone();

@@ -17,7 +17,7 @@ pub(crate) fn refit_breadth_first(map: &mut Map, matcher: &FastMatcher, config: 
     let closures: Vec<_> = map
         .manifold
         .active_relations()
-        .filter(|r| r.provenance == Provenance::LoopClosure)
+        .filter(|r| r.provenance != Provenance::Sequential)
         .copied()
         .collect();
     for closure in &closures {

@@ -11,7 +11,7 @@ pub(crate) use relocalise::relocalise;
 use crate::SlamConfig;
 use crate::map::Map;
 use geometry::{LieGroup, Matrix3, Pose2};
-use manifold::{PatchId, Provenance, Relation, RelationId};
+use manifold::{PatchId, Provenance, Relation, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
 use optimizer::{Edge, EdgeKind, Kernel, PoseGraph, Report, Settings, optimize};
 use overlaps::{Overlap, measure_overlaps};
@@ -88,7 +88,7 @@ pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<Rela
     for relation in map.manifold.active_relations() {
         let edge = relation_edge(relation, 1.0);
         if let Ok(index) = graph.add_edge(edge)
-            && relation.provenance == Provenance::LoopClosure
+            && relation.provenance != Provenance::Sequential
         {
             closures.push((index, relation.id));
         }
@@ -101,7 +101,7 @@ pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<Rela
         .map(|(_, id)| id)
         .collect();
     for &id in &contradicted {
-        map.manifold.retract(id);
+        map.manifold.retract(id, Retraction::Contradicted);
     }
     contradicted
 }
@@ -125,9 +125,10 @@ pub(crate) fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
         for relation in map.manifold.active_relations() {
             let _ = graph.add_edge(relation_edge(relation, RELATION_SHARE));
         }
-        for (from, to, motion) in &map.odometry {
+        for way in map.manifold.ways() {
+            let Some(motion) = way.motion else { continue };
             let information = motion.covariance.try_inverse().unwrap_or_else(Matrix3::zeros);
-            let (from, to) = (from.0.into(), to.0.into());
+            let (from, to) = (way.from.0.into(), way.to.0.into());
             let _ =
                 graph.add_edge(Edge::new(from, to, motion.mean, information, EdgeKind::Closure));
         }
@@ -154,7 +155,7 @@ fn graph_of(map: &Map) -> PoseGraph<Pose2, 3> {
 fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
     let kind = match relation.provenance {
         Provenance::Sequential => EdgeKind::Sequential,
-        Provenance::LoopClosure => EdgeKind::Closure,
+        _ => EdgeKind::Closure,
     };
     let gaussian = &relation.from_from_to;
     let information = gaussian.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) * share;

@@ -19,7 +19,7 @@ fn assert_same_bytes(a: &Mapped, b: &Mapped) {
             .map(|r| {
                 let covariance: Vec<u64> =
                     r.from_from_to.covariance.iter().map(|v| v.to_bits()).collect();
-                (r.from, r.to, bits(&r.from_from_to.mean), covariance, r.provenance, r.retracted)
+                (r.from, r.to, bits(&r.from_from_to.mean), covariance, r.provenance, r.state)
             })
             .collect()
     };
