@@ -1,4 +1,4 @@
-use crate::{ClosingSettings, OdometrySettings, RefitSettings};
+use crate::{ClosingSettings, MergingSettings, OdometrySettings, RefitSettings};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
 use serde::{Deserialize, Serialize};
@@ -23,6 +23,8 @@ pub struct SlamConfig {
     pub relation_floor: RelationFloor,
     /// Loop closing.
     pub closing: ClosingSettings,
+    /// Joining islands.
+    pub merging: MergingSettings,
     /// The global refit.
     pub refit: RefitSettings,
     /// The laser's measurement error.
@@ -45,6 +47,7 @@ impl Default for SlamConfig {
             submap: SubmapLimits::default(),
             relation_floor: RelationFloor::default(),
             closing: ClosingSettings::default(),
+            merging: MergingSettings::default(),
             refit: RefitSettings::default(),
             noise: BeamNoise::default(),
             lines: LineFitSettings::default(),

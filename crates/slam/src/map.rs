@@ -20,4 +20,12 @@ impl Map {
     pub fn surface(&self, patch: PatchId) -> &[LinePoint] {
         &self.surfaces[patch.index()]
     }
+
+    /// Sets the line points of a patch.
+    pub fn set_surface(&mut self, patch: PatchId, surface: Vec<LinePoint>) {
+        if self.surfaces.len() <= patch.index() {
+            self.surfaces.resize(patch.index() + 1, Vec::new());
+        }
+        self.surfaces[patch.index()] = surface;
+    }
 }

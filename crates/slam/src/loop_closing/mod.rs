@@ -16,6 +16,7 @@ use manifold::PatchId;
 use matching::MatchResult;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Add;
 use verification::Verifier;
 
 /// Loop closing by geometry.
@@ -148,6 +149,26 @@ pub struct ClosingStatistics {
     pub unsupported: usize,
     /// Consistent sets that were not accepted because one of their queries fits elsewhere as well.
     pub rivalled: usize,
+}
+
+impl Add for ClosingStatistics {
+    type Output = ClosingStatistics;
+
+    fn add(self, other: ClosingStatistics) -> ClosingStatistics {
+        ClosingStatistics {
+            tried: self.tried + other.tried,
+            accepted: self.accepted + other.accepted,
+            retracted: self.retracted + other.retracted,
+            not_found: self.not_found + other.not_found,
+            ambiguous: self.ambiguous + other.ambiguous,
+            poor_fit: self.poor_fit + other.poor_fit,
+            seen_through: self.seen_through + other.seen_through,
+            implausible: self.implausible + other.implausible,
+            degenerate: self.degenerate + other.degenerate,
+            unsupported: self.unsupported + other.unsupported,
+            rivalled: self.rivalled + other.rivalled,
+        }
+    }
 }
 
 impl ClosingStatistics {
