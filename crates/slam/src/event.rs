@@ -23,6 +23,8 @@ pub enum Stage {
     LoopClosing,
     /// Optimising relations after closures.
     Optimisation,
+    /// Joining islands.
+    Merging,
     /// The global refit.
     Refit,
     /// Placing every scan in the refitted map.

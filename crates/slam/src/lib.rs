@@ -28,7 +28,7 @@ pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
 pub use event::{Event, Stage, StageObserver, Unobserved};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
 pub use mapper::Mapper;
-pub use merging::MergingSettings;
+pub use merging::{EvidenceCounts, Merge, MergeState, MergingSettings};
 pub use motion_model::OdometrySettings;
 pub use preparation::{Preparation, PreparedObservation};
 pub use refit::{RefitMethod, RefitSettings};

@@ -1,6 +1,6 @@
 use crate::map::Map;
-use crate::merging::{Proposal, join};
-use crate::refit::{optimise_relations, refit, relocalise};
+use crate::merging::{Merge, Merger};
+use crate::refit::{refit, relocalise};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
@@ -15,6 +15,7 @@ pub struct Team {
     config: SlamConfig,
     map: Map,
     tracks: Vec<Track>,
+    merges: Vec<Merge>,
     statistics: Statistics,
     observer: Box<dyn StageObserver>,
 }
@@ -38,7 +39,7 @@ impl Team {
     /// A team whose stages are reported to `observer`.
     pub fn observed(config: SlamConfig, observer: Box<dyn StageObserver>) -> Self {
         let (map, statistics) = (Map::default(), Statistics::default());
-        Team { config, map, tracks: Vec::new(), statistics, observer }
+        Team { config, map, tracks: Vec::new(), merges: Vec::new(), statistics, observer }
     }
 
     /// Takes a robot into the team; its changes may follow.
@@ -103,6 +104,11 @@ impl Team {
         self.scan_poses(robot).map(|pose| pose.in_map(&self.map.manifold)).collect()
     }
 
+    /// Islands that were merged, and merges that may be but are not sure enough.
+    pub fn merges(&self) -> &[Merge] {
+        &self.merges
+    }
+
     /// Counts of one robot's own mapping.
     pub fn robot_statistics(&self, robot: RobotId) -> Statistics {
         self.tracks[usize::from(robot.0)].statistics
@@ -113,31 +119,21 @@ impl Team {
         self.tracks.iter().fold(self.statistics, |sum, track| sum + track.statistics)
     }
 
-    /// Joins islands where evidence says how they lie to each other, the surest first.
+    /// Joins islands where evidence says how they lie to each other.
     fn merge(&mut self) {
         if !self.config.merging.enabled || self.map.manifold.component_map().members.len() < 2 {
             return;
         }
-        let mut proposals: Vec<Proposal> = Vec::new();
-        proposals.retain(|p| p.false_bound <= self.config.merging.false_merges);
-        proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
-        for proposal in &proposals {
-            let islands = self.map.manifold.component_map();
-            if proposal.ends(&islands).is_some_and(|(target, source)| target != source) {
-                join(&mut self.map, &islands, proposal);
-            }
-        }
-        if !proposals.is_empty() {
-            self.optimise();
-        }
-    }
-
-    fn optimise(&mut self) {
         let config = self.config;
-        let retracted =
-            self.timed(Stage::Optimisation, |t| optimise_relations(&mut t.map, &config));
-        self.statistics.optimisations += 1;
-        self.statistics.closures.retracted += retracted.len();
+        let merger = self.timed(Stage::Merging, |t| {
+            let mut merger = Merger::default();
+            merger.run(&mut t.map, &config);
+            merger
+        });
+        self.statistics.optimisations += merger.optimisations;
+        self.statistics.closures.retracted += merger.contradicted;
+        self.statistics.places_compared += merger.tried;
+        self.merges.extend(merger.merges);
     }
 
     fn repeat(&mut self, robot: RobotId, change: &Change) {

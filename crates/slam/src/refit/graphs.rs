@@ -1,8 +1,11 @@
 use super::RefitSettings;
 use crate::map::Map;
 use geometry::{Matrix3, Pose2};
-use manifold::{Islands, PatchId, Provenance, Relation};
-use optimizer::{Edge, EdgeKind, Kernel, PoseGraph, Report, Settings, optimize};
+use manifold::{Islands, PatchId, Provenance, Relation, RelationId};
+use optimizer::{
+    Edge, EdgeKind, GncSettings, Kernel, Optimizer, PoseGraph, Report, Settings, optimize,
+    optimize_gnc,
+};
 use rayon::prelude::*;
 
 /// One pose graph for each island: what happens to one island never shows in another's poses.
@@ -63,4 +66,34 @@ pub(super) fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
     let gaussian = &relation.from_from_to;
     let information = gaussian.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) * share;
     Edge::new(relation.from.0.into(), relation.to.0.into(), gaussian.mean, information, kind)
+}
+
+/// Solves one island with some of its relations in doubt (graduated non-convexity, Yang et al.
+/// 2020) and moves its patches; returns the doubted relations that contradict the rest.
+pub(super) fn doubt(map: &mut Map, island: &[PatchId], doubted: &[RelationId]) -> Vec<RelationId> {
+    let mut graph = PoseGraph::new();
+    for &patch in island {
+        let _ = graph.add_node(patch.0.into(), map.pose(patch));
+    }
+    let mut places = Vec::new();
+    for &patch in island {
+        for relation in map.manifold.relations_at(patch).filter(|r| r.from == patch) {
+            let is_doubted = doubted.contains(&relation.id);
+            let kind = if is_doubted { EdgeKind::Closure } else { EdgeKind::Sequential };
+            let edge = Edge { kind, ..relation_edge(relation, 1.0) };
+            if let Ok(index) = graph.add_edge(edge)
+                && is_doubted
+            {
+                places.push((index, relation.id));
+            }
+        }
+    }
+    let settings = GncSettings::new(3);
+    let Ok(report) = optimize_gnc(&mut Optimizer::new(), &mut graph, &settings) else {
+        return Vec::new();
+    };
+    let nodes = graph.nodes().iter();
+    map.manifold.refit(nodes.map(|n| (PatchId(n.id as u32), n.pose)).collect());
+    let refused = places.into_iter().filter(|(edge, _)| report.weights[*edge] < 0.5);
+    refused.map(|(_, id)| id).collect()
 }

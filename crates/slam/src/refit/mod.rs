@@ -113,6 +113,15 @@ pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<Rela
 /// Cauchy weight of a closure seven standard deviations off, at a scale of three.
 const CONTRADICTED_WEIGHT: f64 = 0.15;
 
+/// Of some relations between patches of one island those that graduated non-convexity finds to
+/// contradict the rest. The island's patches move to where the others have them.
+pub(crate) fn doubt_relations(map: &mut Map, doubted: &[RelationId]) -> Vec<RelationId> {
+    let Some(&first) = doubted.first() else { return Vec::new() };
+    let islands = map.manifold.component_map();
+    let island = islands.of(map.manifold.relation(first).from);
+    graphs::doubt(map, &islands.members[island], doubted)
+}
+
 /// The refit that is configured; how many overlaps it measured.
 pub(crate) fn refit(map: &mut Map, config: &SlamConfig) -> usize {
     match config.refit.method {
