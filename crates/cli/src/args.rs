@@ -1,4 +1,6 @@
 use crate::benchmark::args::BenchCommand;
+use crate::commands::cut::CutArgs;
+use crate::commands::eval::RelationsArgs;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -50,6 +52,8 @@ pub enum Command {
     /// Score a trajectory against the truth
     #[command(subcommand)]
     Eval(EvalCommand),
+    /// Cut a log into the logs of several robots that know nothing of each other
+    Cut(CutArgs),
     /// Show the configuration
     #[command(subcommand)]
     Config(ConfigCommand),
@@ -223,21 +227,6 @@ pub enum EvalCommand {
     Relations(RelationsArgs),
     /// Absolute trajectory error after the best rigid alignment in the plane
     Ate(AteArgs),
-}
-
-/// Arguments of `eval relations`.
-#[derive(Debug, ClapArgs)]
-#[command(
-    after_help = "Exit code 1 when fewer than 95 % of the relations have both their stamps in the trajectory.\n\n\
-    Example:\n  manifoldslam eval relations --relations intel.relations --traj out/intel/intel.tum"
-)]
-pub struct RelationsArgs {
-    /// Lines `t1 t2 x y z roll pitch yaw`: the pose at t2 seen from t1
-    #[arg(long, value_name = "FILE")]
-    pub relations: PathBuf,
-    /// Trajectory: TUM, or `t x y yaw`
-    #[arg(long, value_name = "FILE")]
-    pub traj: PathBuf,
 }
 
 /// Arguments of `eval ate`.

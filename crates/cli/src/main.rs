@@ -8,6 +8,7 @@ mod atomic;
 mod benchmark;
 mod commands;
 mod config;
+mod crossing;
 mod drawing;
 mod mapping;
 mod metrics;

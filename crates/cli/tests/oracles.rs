@@ -9,6 +9,8 @@ mod bad_input;
 mod benchmark;
 #[path = "oracles/commands.rs"]
 mod commands;
+#[path = "oracles/cut.rs"]
+mod cut;
 #[path = "oracles/scores.rs"]
 mod scores;
 
