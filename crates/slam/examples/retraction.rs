@@ -4,8 +4,8 @@
 //! `cargo run --release -p manifoldslam-slam --example retraction -- ROBOTS BLOCKS RETRACTIONS`
 //!
 //! Robots drive the corridors of one office floor of BLOCKS x BLOCKS blocks, each with noise of its
-//! own. Every retraction is timed, from the order to the last pose; every so-manieth map is compared
-//! with that of a team which never had the relations.
+//! own. Every retraction is timed, from the order to the last pose; every so-manieth map is
+//! compared with that of a team which never had the relations.
 
 use manifold::{Change, RelationId};
 use manifoldslam_slam::{Event, Mapper, SlamConfig, Team};

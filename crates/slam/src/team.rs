@@ -166,8 +166,9 @@ impl Team {
         self.tracks.iter().fold(self.statistics, |sum, track| sum + track.statistics)
     }
 
-    /// Joins islands where evidence says how they lie to each other.
-    fn merge(&mut self) {
+    /// Joins islands where evidence says how they lie to each other; the poses are those of the
+    /// relations until [`Team::rebuild`].
+    pub fn merge(&mut self) {
         if !self.config.merging.enabled || self.map.manifold.component_map().members.len() < 2 {
             return;
         }
