@@ -43,7 +43,7 @@ fn main() -> Result<(), Failure> {
         team.sigma
     );
     team.report("without outliers", &[vec![]])?;
-    team.report("the file's outliers", &[team.wrong.clone()])?;
+    team.report("the file's outliers", std::slice::from_ref(&team.wrong))?;
     for count in [50, 250, 500] {
         for (kind, draw) in [("uniform", Team::uniform as Draw), ("groups", Team::groups)] {
             let draws: Vec<_> = (0..seeds)

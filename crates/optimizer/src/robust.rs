@@ -83,10 +83,10 @@ pub fn optimize_robust<G: LieGroup<D>, const D: usize>(
 /// all others are judged once those have laid the trees to each other.
 ///
 /// Neighbours vouch for each other in a wrong bundle of closures, such as that of a repeated room,
-/// as in a right one, and no trusted path is there to contradict them: the largest set decides if it
-/// has half as many members again as its rival, since which of two equals is the larger is decided
-/// by the closures that happen to miss a gate. Closures that nobody vouches for join nothing, unless (`all`) hardly
-/// any is vouched for.
+/// as in a right one, and no trusted path is there to contradict them: the largest set decides if
+/// it has half as many members again as its rival, since which of two equals is the larger is
+/// decided by the closures that happen to miss a gate. Closures that nobody vouches for join
+/// nothing, unless (`all`) hardly any is vouched for.
 fn believe_joints<G: LieGroup<D>, const D: usize>(
     graph: &PoseGraph<G, D>,
     spine: &Spine<G, D>,

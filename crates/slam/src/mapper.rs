@@ -63,7 +63,7 @@ impl Mapper {
         self.count(&found);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
         let surface = Some(CompactPoints::new(&surface));
-        self.scans.push(ScanRecord { pose, odom_from_base, surface });
+        self.scans.push(ScanRecord { found: pose, pose, odom_from_base, surface });
         if found.is_patch {
             self.close_loops(found.patch);
         }

@@ -4,6 +4,7 @@ use super::recognition::{PlaceMatch, recognise};
 use super::sets::agreeing_sets;
 use super::{EvidenceCounts, Link, Proposal};
 use crate::SlamConfig;
+use crate::loop_closing::Verifier;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
 use geometry::{Pose2, Vector2};
@@ -18,6 +19,18 @@ const FALSE_FIT: f64 = 0.1;
 /// How much more likely every contradicting place makes it: people and doors move, so that a right
 /// merge has some too.
 const CONTRADICTED: f64 = 25.0;
+/// Share of sight lines that pass through walls where a robot comes back to the same place, by
+/// people and doors that moved: what is taken before anything is measured, and for how many
+/// closures that counts.
+const USUALLY_THROUGH: f64 = 0.015;
+const USUAL_CLOSURES: f64 = 4.0;
+/// Closures that are looked at to find out.
+const MOST_CLOSURES: usize = 60;
+/// The share may exceed the usual by so much for nothing; every so much beyond makes a wrong merge
+/// ten times as likely. Wrong merges of look-alike places had 0.04 in all and more wherever five
+/// places fitted, right ones in the same worlds 0.02 at most.
+const MARGIN_THROUGH: f64 = 0.008;
+const THROUGH_PER_DECADE: f64 = 0.004;
 /// Cells of the grid that patches are looked up in, metres.
 const GRID_M: f64 = 4.0;
 /// Two alignments of the same islands nearer than this at their links are the same one, metres and
@@ -31,6 +44,8 @@ pub(super) struct GeometricMerging {
     matches: Vec<PlaceMatch>,
     /// Comparisons made.
     pub tried: usize,
+    /// See [`USUALLY_THROUGH`].
+    usually_through: f64,
 }
 
 impl GeometricMerging {
@@ -40,7 +55,8 @@ impl GeometricMerging {
         let spacing_m = config.merging.spacing_m;
         let index = PlaceIndex::new(map, &islands, &config.submap, spacing_m);
         let (matches, tried) = recognise(map, &index, config);
-        GeometricMerging { index, matches, tried }
+        let usually_through = usually_through(map, config);
+        GeometricMerging { index, matches, tried, usually_through }
     }
 
     /// How the islands may lie to each other, for every pair that has matches.
@@ -67,10 +83,30 @@ impl GeometricMerging {
                         (set.len(), examine(map, islands, set, &places[*source], &grid, config))
                     })
                     .collect();
-            choose(map, examined)
+            choose(map, examined, self.usually_through)
         };
         pairs.par_iter().filter_map(best).collect()
     }
+}
+
+/// How much robots see through walls of their own maps where they come back: the mean over their
+/// closures.
+fn usually_through(map: &Map, config: &SlamConfig) -> f64 {
+    let closures = map.manifold.active_relations();
+    let closures: Vec<_> =
+        closures.filter(|r| r.provenance == Provenance::LoopClosure).copied().collect();
+    let step = closures.len().div_ceil(MOST_CLOSURES).max(1);
+    let looked_at: Vec<_> = closures.into_iter().step_by(step).collect();
+    let verifier = Verifier::new(&config.for_merging());
+    let through: Vec<f64> = looked_at
+        .par_iter()
+        .map_init(
+            || verifier.clone(),
+            |verifier, r| verifier.contradiction(r.to, r.from, &r.from_from_to.mean, map).max(0.0),
+        )
+        .collect();
+    (USUAL_CLOSURES * USUALLY_THROUGH + through.iter().sum::<f64>())
+        / (USUAL_CLOSURES + through.len() as f64)
 }
 
 /// The match with the larger island as its target; of equal ones the earlier.
@@ -83,9 +119,12 @@ fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
 }
 
 /// The best alignment of two islands, doubted as far as another one has evidence too.
-fn choose(map: &Map, examined: Vec<(usize, Evidence)>) -> Option<Proposal> {
+fn choose(map: &Map, examined: Vec<(usize, Evidence)>, usually_through: f64) -> Option<Proposal> {
     let bound = |e: &Evidence| -> f64 {
-        FALSE_FIT.powi(e.agreeing as i32 - 1) * CONTRADICTED.powi(e.contradicting as i32)
+        let beyond = (e.seen_through - usually_through - MARGIN_THROUGH).max(0.0);
+        FALSE_FIT.powi(e.agreeing as i32 - 1)
+            * CONTRADICTED.powi(e.contradicting as i32)
+            * 10f64.powf(beyond / THROUGH_PER_DECADE)
     };
     let mut ranked: Vec<(f64, usize, Evidence)> =
         examined.into_iter().map(|(matches, e)| (bound(&e), matches, e)).collect();
@@ -109,9 +148,12 @@ fn choose(map: &Map, examined: Vec<(usize, Evidence)>) -> Option<Proposal> {
             matches,
             agreeing: evidence.agreeing,
             contradicting: evidence.contradicting,
+            places: evidence.places,
+            fitting: evidence.fitting,
+            seen_through_per_mille: (1000.0 * evidence.seen_through).round() as u32,
         },
         links: evidence.links.iter().map(link).collect(),
-        false_bound: (own_bound + rival).min(1.0),
+        false_bound: own_bound.max(rival).min(1.0),
     })
 }
 

@@ -18,6 +18,10 @@ pub(crate) struct Evidence {
     pub contradicting: usize,
     /// Places of the overlap, all of them.
     pub places: usize,
+    /// Of these the ones that fit.
+    pub fitting: usize,
+    /// Mean share of sight lines that pass through the other island's walls, over all places.
+    pub seen_through: f64,
 }
 
 /// Places nearer to each other than this may owe their fit to the same walls, metres: about the
@@ -50,7 +54,7 @@ pub(super) fn examine(
     let target = islands.of[first.from.index()];
     let verifier = Verifier::new(&config.for_merging());
     let mut left: Vec<PatchId> = places.to_vec();
-    let (mut agreeing, mut contradicting) = (Vec::new(), Vec::new());
+    let (mut agreeing, mut contradicting, mut through) = (Vec::new(), Vec::new(), 0.0);
     loop {
         let expected: Vec<Expected> = left
             .par_iter()
@@ -65,17 +69,20 @@ pub(super) fn examine(
             .collect();
         evidence.places += expected.len();
         for (e, verdict) in expected.iter().zip(verdicts) {
-            match verdict {
-                Verdict::Agrees(link) => {
+            through += verdict.through;
+            match verdict.link {
+                Some(link) => {
                     agreeing.push(e.place);
                     evidence.links.push(link);
                 }
-                Verdict::Contradicts => contradicting.push(e.place),
-                Verdict::Silent => {}
+                None if verdict.through > CONTRADICTION => contradicting.push(e.place),
+                None => {}
             }
         }
         left.retain(|place| !expected.iter().any(|e| e.place == *place));
     }
+    evidence.fitting = agreeing.len();
+    evidence.seen_through = through / evidence.places.max(1) as f64;
     evidence.agreeing = independent(map, &agreeing);
     evidence.contradicting = independent(map, &contradicting);
     evidence
@@ -90,10 +97,12 @@ struct Expected {
     near_from_place: GaussianPose2,
 }
 
-enum Verdict {
-    Agrees(PlaceMatch),
-    Contradicts,
-    Silent,
+/// What a place says.
+struct Verdict {
+    /// The match, where it fits.
+    link: Option<PlaceMatch>,
+    /// Share of sight lines that pass through walls.
+    through: f64,
 }
 
 /// Where a place is expected by way of the nearest match; `None` when that is too far, or when the
@@ -131,11 +140,11 @@ fn expect(
 fn judge(verifier: &mut Verifier, e: &Expected, map: &Map, config: &SlamConfig) -> Verdict {
     let patch_from_query = e.near_from_place;
     let candidate = Candidate { patch: e.near, patch_from_query, area: SearchArea::Believed };
-    if let Ok(closure) = verifier.verify(e.place, &candidate, map) {
-        return Verdict::Agrees(PlaceMatch::new(e.near, e.place, &closure.result, config));
-    }
-    let through = verifier.contradiction(e.place, e.near, &e.near_from_place.mean, map);
-    if through > CONTRADICTION { Verdict::Contradicts } else { Verdict::Silent }
+    let found = verifier.verify(e.place, &candidate, map).ok();
+    let link = found.map(|closure| PlaceMatch::new(e.near, e.place, &closure.result, config));
+    let pose = link.map_or(e.near_from_place.mean, |link| link.from_from_to.mean);
+    let through = verifier.contradiction(e.place, e.near, &pose, map).max(0.0);
+    Verdict { link, through }
 }
 
 /// How many of some places are far enough from each other to be independent, the first ones first.

@@ -45,7 +45,7 @@ impl Default for MergingSettings {
     fn default() -> Self {
         MergingSettings {
             enabled: true,
-            false_merges: 1e-4,
+            false_merges: 1.1e-4,
             spacing_m: 2.0,
             candidates: 10,
             apart_m: 3.0,
@@ -81,6 +81,12 @@ pub struct EvidenceCounts {
     /// Independent places where one island sees through the other's walls, or landmarks that do
     /// not fit.
     pub contradicting: usize,
+    /// Places of the overlap that were looked at.
+    pub places: usize,
+    /// Those of them that fit.
+    pub fitting: usize,
+    /// Mean share of sight lines through the other island's walls, per mille.
+    pub seen_through_per_mille: u32,
 }
 
 /// What became of a proposal.

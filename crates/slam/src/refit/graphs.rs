@@ -1,10 +1,8 @@
-use super::RefitSettings;
 use crate::map::Map;
 use geometry::{Matrix3, Pose2};
 use manifold::{Islands, PatchId, Provenance, Relation, RelationId};
 use optimizer::{
-    Edge, EdgeKind, GncSettings, Kernel, Optimizer, PoseGraph, Report, Settings, optimize,
-    optimize_gnc,
+    Edge, EdgeKind, GncSettings, Optimizer, PoseGraph, Report, Settings, optimize, optimize_gnc,
 };
 use rayon::prelude::*;
 
@@ -39,15 +37,9 @@ impl<'a> IslandGraphs<'a> {
 
     /// Optimises every graph and moves the patches; the solver's reports in the order of the
     /// islands, `None` where there was nothing to do or the solver failed.
-    pub fn solve(mut self, map: &mut Map, settings: &RefitSettings) -> Vec<Option<Report>> {
-        let settings = Settings {
-            kernel: Kernel::Cauchy { scale: settings.outlier_sigmas },
-            max_iterations: 20,
-            relative_tolerance: 1e-4,
-            ..Settings::default()
-        };
+    pub fn solve(mut self, map: &mut Map, settings: &Settings) -> Vec<Option<Report>> {
         let solve = |graph: &mut PoseGraph<Pose2, 3>| {
-            (!graph.edges().is_empty()).then(|| optimize(graph, &settings).ok()).flatten()
+            (!graph.edges().is_empty()).then(|| optimize(graph, settings).ok()).flatten()
         };
         let reports: Vec<Option<Report>> = self.graphs.par_iter_mut().map(solve).collect();
         let solved = self.graphs.iter().zip(&reports).filter(|(_, report)| report.is_some());

@@ -116,7 +116,7 @@ fn match_group(
     let place = |&(track, scan): &(usize, usize)| {
         let record = &tracks[track][scan];
         let surface = record.surface.as_ref()?.expand();
-        let pose = origin.between(&record.pose.in_map(&map.manifold));
+        let pose = origin.between(&record.found.in_map(&map.manifold));
         let result = matcher.align(scratch, &surface, &Prior { pose, information });
         let found = result.status.is_usable()
             && result.inlier_ratio > config.refit.overlap_share
@@ -153,7 +153,7 @@ fn before(
                 _ => None,
             };
             last = now;
-            Knowledge { measured: scan.pose.in_map(&map.manifold), information, motion }
+            Knowledge { measured: scan.found.in_map(&map.manifold), information, motion }
         })
         .collect()
 }
