@@ -1,8 +1,8 @@
-use super::map::stem;
 use crate::Outcome;
 use crate::args::Global;
 use crate::atomic::PendingFile;
 use crate::mapping::first_problems;
+use crate::team::stem;
 use crate::terminal::{counted, print};
 use anyhow::{Context, Result, bail};
 use clap::Args;
