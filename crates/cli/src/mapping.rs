@@ -137,7 +137,7 @@ pub fn map_robot(
     config: &Config,
     bar: &ProgressBar,
 ) -> Result<(MappedRobot, OwnMap)> {
-    let LogSource { name, path: log, .. } = source.clone();
+    let (name, log) = (source.name.clone(), source.path.clone());
     let reading = source.read(config)?;
     let clock = StageClock::default();
     let mut own = OwnMap {

@@ -62,7 +62,7 @@ impl Mapper {
             .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
         self.count(&found);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
-        let surface = Some(CompactPoints::new(&surface));
+        let surface = CompactPoints::new(&surface);
         self.scans.push(ScanRecord { found: pose, pose, odom_from_base, surface });
         if found.is_patch {
             self.close_loops(found.patch);

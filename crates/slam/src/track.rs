@@ -26,6 +26,5 @@ pub(crate) struct ScanRecord {
     /// Where the last global pass has it.
     pub pose: ScanPose,
     pub odom_from_base: Option<Pose2>,
-    /// `None` for scans that were mapped on another day: they stay where they are on their patch.
-    pub surface: Option<CompactPoints>,
+    pub surface: CompactPoints,
 }

@@ -38,11 +38,18 @@ impl Merger {
             proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
             if !self.join_surest(map, &islands, &proposals, config) {
                 self.put_on_record(map, &islands, &proposals);
-                return;
+                break;
             }
             self.contradicted += optimise_relations(map, config).len();
             self.optimisations += 1;
+            // Where all that was joined has come apart again, nothing new is to be learnt.
+            if map.manifold.component_map().members.len() == islands.members.len() {
+                break;
+            }
         }
+        // A merge whose relations were all found wrong is none.
+        let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
+        self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
     /// Joins islands whose proposals are sure enough; true if any were.

@@ -21,7 +21,7 @@ pub struct MergingSettings {
     /// Look for merges.
     pub enabled: bool,
     /// Islands are joined only when the chance that this is wrong is bounded by so much; what falls
-    /// short is put on record as provisional.
+    /// short is put on record as provisional. The default lets five places that fit pass.
     pub false_merges: f64,
     /// Places of an island that are compared with others lie so far apart, metres.
     pub spacing_m: f64,

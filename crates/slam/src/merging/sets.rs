@@ -2,7 +2,7 @@ use super::recognition::PlaceMatch;
 use crate::map::Map;
 use geometry::{GaussianPose2, Matrix3, Vector3};
 use manifold::PatchId;
-use optimizer::{ClosureCandidate, ConsistencySettings, consistent_set};
+use optimizer::{ClosureCandidate, ConsistencySettings, consistent_sets};
 
 /// Two matches next to each other may disagree by so much: metres, metres, radians.
 const TOLERANCE: [f64; 3] = [0.2, 0.2, 0.05];
@@ -46,19 +46,11 @@ pub(super) fn agreeing_sets(
         let bent = BENT_PER_M.map(|per_m| per_m * mean.norm());
         Some(GaussianPose2 { mean, covariance: tolerance(bent) })
     };
-    let mut left: Vec<usize> = (0..best.len()).collect();
-    let mut sets = Vec::new();
-    while sets.len() < MOST_SETS {
-        let rest: Vec<_> = left.iter().map(|&i| candidates[i]).collect();
-        let set = consistent_set(&rest, within, &settings);
-        if set.members.len() < least {
-            break;
-        }
-        let members: Vec<usize> = set.members.iter().map(|&i| left[i]).collect();
-        left.retain(|i| !members.contains(i));
-        sets.push(members.into_iter().map(|i| best[i]).collect());
-    }
-    sets
+    consistent_sets(&candidates, within, &settings, least)
+        .into_iter()
+        .take(MOST_SETS)
+        .map(|set| set.members.into_iter().map(|i| best[i]).collect())
+        .collect()
 }
 
 /// The best set and its rivals.

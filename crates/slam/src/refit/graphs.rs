@@ -15,15 +15,22 @@ pub(super) struct IslandGraphs<'a> {
 impl<'a> IslandGraphs<'a> {
     /// The patches where they are now, without edges.
     pub fn new(map: &Map, islands: &'a Islands) -> Self {
-        let graph = |island: &Vec<PatchId>| {
-            let mut graph = PoseGraph::new();
-            for &patch in island {
-                // Ids are unique by construction.
-                let _ = graph.add_node(patch.0.into(), map.pose(patch));
+        let graphs = islands.members.iter().map(|island| graph_of(map, island)).collect();
+        IslandGraphs { islands, graphs }
+    }
+
+    /// Adds the relations that hold with a share of their information; returns where those are
+    /// that may be doubted.
+    pub fn add_relations(&mut self, map: &Map, share: f64) -> Vec<((usize, usize), RelationId)> {
+        let mut closures = Vec::new();
+        for relation in map.manifold.active_relations() {
+            if let Some(place) = self.add(relation_edge(relation, share))
+                && relation.provenance != Provenance::Sequential
+            {
+                closures.push((place, relation.id));
             }
-            graph
-        };
-        IslandGraphs { islands, graphs: islands.members.iter().map(graph).collect() }
+        }
+        closures
     }
 
     /// Adds an edge to the graph of its island; returns where it is. Edges between islands and
@@ -49,8 +56,18 @@ impl<'a> IslandGraphs<'a> {
     }
 }
 
+/// The patches of an island where they are now, without edges.
+fn graph_of(map: &Map, island: &[PatchId]) -> PoseGraph<Pose2, 3> {
+    let mut graph = PoseGraph::new();
+    for &patch in island {
+        // Ids are unique by construction.
+        let _ = graph.add_node(patch.0.into(), map.pose(patch));
+    }
+    graph
+}
+
 /// A relation as an edge with a share of its information.
-pub(super) fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
+fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
     let kind = match relation.provenance {
         Provenance::Sequential => EdgeKind::Sequential,
         _ => EdgeKind::Closure,
@@ -63,10 +80,7 @@ pub(super) fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
 /// Solves one island with some of its relations in doubt (graduated non-convexity, Yang et al.
 /// 2020) and moves its patches; returns the doubted relations that contradict the rest.
 pub(super) fn doubt(map: &mut Map, island: &[PatchId], doubted: &[RelationId]) -> Vec<RelationId> {
-    let mut graph = PoseGraph::new();
-    for &patch in island {
-        let _ = graph.add_node(patch.0.into(), map.pose(patch));
-    }
+    let mut graph = graph_of(map, island);
     let mut places = Vec::new();
     for &patch in island {
         for relation in map.manifold.relations_at(patch).filter(|r| r.from == patch) {

@@ -12,8 +12,8 @@ use crate::SlamConfig;
 use crate::map::Map;
 use breadth_first::refit_breadth_first;
 use geometry::{LieGroup, Matrix3, Pose2};
-use graphs::{IslandGraphs, relation_edge};
-use manifold::{PatchId, Provenance, RelationId, Retraction};
+use graphs::IslandGraphs;
+use manifold::{PatchId, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
 use optimizer::{Edge, EdgeKind, Kernel, Settings};
 use overlaps::{Overlap, measure_overlaps};
@@ -89,14 +89,7 @@ impl Default for RefitSettings {
 pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
     let islands = map.manifold.component_map();
     let mut graphs = IslandGraphs::new(map, &islands);
-    let mut closures = Vec::new();
-    for relation in map.manifold.active_relations() {
-        if let Some(place) = graphs.add(relation_edge(relation, 1.0))
-            && relation.provenance != Provenance::Sequential
-        {
-            closures.push((place, relation.id));
-        }
-    }
+    let closures = graphs.add_relations(map, 1.0);
     let reports = graphs.solve(map, &config.refit.quickly());
     let weight = |(island, edge): (usize, usize)| {
         reports[island].as_ref().map_or(1.0, |report| report.weights[edge])
@@ -126,9 +119,7 @@ pub(crate) fn settle(map: &mut Map, config: &SlamConfig) {
     let placed: Vec<(PatchId, Pose2)> = placed.collect();
     map.manifold.refit(placed);
     let mut graphs = IslandGraphs::new(map, &islands);
-    for relation in map.manifold.active_relations() {
-        graphs.add(relation_edge(relation, 1.0));
-    }
+    graphs.add_relations(map, 1.0);
     graphs.solve(map, &config.refit.strictly());
 }
 
@@ -183,9 +174,7 @@ fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
         let overlaps = measure_overlaps(map, &islands, matcher, config, kernel as f32);
         measured += overlaps.len();
         let mut graphs = IslandGraphs::new(map, &islands);
-        for relation in map.manifold.active_relations() {
-            graphs.add(relation_edge(relation, RELATION_SHARE));
-        }
+        graphs.add_relations(map, RELATION_SHARE);
         for way in map.manifold.ways() {
             let Some(motion) = way.motion else { continue };
             let information = motion.covariance.try_inverse().unwrap_or_else(Matrix3::zeros);
