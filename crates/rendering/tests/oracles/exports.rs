@@ -137,7 +137,8 @@ fn svg_is_metric_and_well_formed() {
     assert!(svg.contains("M-2 -3L-1 -4"), "the path, y up: {svg}");
     assert!(svg.contains("&lt;robot &amp; &quot;co&quot;&gt;"));
     let tags = check_tags(&svg, &[]);
-    assert_eq!(tags.iter().filter(|t| *t == "circle").count(), 3);
+    // The start, two patches, and both ends of a landmark closure, a merge and a rendezvous.
+    assert_eq!(tags.iter().filter(|t| *t == "circle").count(), 3 + 6);
 }
 
 #[test]
@@ -170,5 +171,7 @@ fn reports_are_whole_safe_and_alone() {
     assert!(html.contains("data:image/png;base64,iVBORw0KGgo"));
     assert!(html.contains("<td class=\"number\">1.23457</td>"), "six digits");
     assert!(html.contains("<th>time, s</th>"), "units");
-    assert!(html.contains("1 closures rejected"));
+    for kind in MarkKind::ALL {
+        assert!(html.contains(&format!("{}: 1", kind.name())), "{kind:?} has a box");
+    }
 }
