@@ -239,8 +239,8 @@ impl IslandMetrics {
     }
 
     fn to_text(&self) -> String {
-        let patches = counted(self.patches as u64, "patch").replace("patchs", "patches");
-        format!("{} ({patches}, {:.0} m)", title(&self.robots), self.path_m)
+        let patches = grouped(self.patches as u64);
+        format!("{} ({patches} patches, {:.0} m)", title(&self.robots), self.path_m)
     }
 }
 

@@ -13,6 +13,8 @@ mod commands;
 mod cut;
 #[path = "oracles/scores.rs"]
 mod scores;
+#[path = "oracles/teams.rs"]
+mod teams;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
