@@ -73,7 +73,14 @@ impl Draft {
     fn alike(&self) -> ((usize, usize), Vec<usize>) {
         let site = &self.wing.site;
         let inside = |stop: &&usize| (self.along.0..=self.along.1).contains(&site.stops[**stop].0);
-        let corridor: Vec<usize> = self.wing.corridor.iter().filter(inside).copied().collect();
+        let mut corridor: Vec<usize> = self.wing.corridor.iter().filter(inside).copied().collect();
+        if corridor.is_empty() {
+            // A short section may lie between two stops.
+            let middle = 0.5 * (self.along.0 + self.along.1);
+            let off = |stop: &usize| (site.stops[*stop].0 - middle).abs();
+            let stops = self.wing.corridor.iter().copied();
+            corridor.extend(stops.min_by(|a, b| off(a).total_cmp(&off(b))));
+        }
         let room = self.wing.rooms.iter().find(|(section, _)| *section == self.section);
         let ends = (corridor[0], corridor[corridor.len() - 1]);
         (ends, room.map(|(_, stops)| stops.clone()).unwrap_or_default())

@@ -24,7 +24,8 @@ fn assert_clear(run: &Run, world: &RayCaster, name: &str) {
 }
 
 fn cases() -> impl Iterator<Item = (String, TwinCase)> {
-    (0..12).flat_map(|seed| {
+    // 43 and 59: the corridor that looks alike lies between two stops.
+    (0..12).chain([43, 59]).flat_map(|seed| {
         TwinFamily::ALL.into_iter().flat_map(move |family| {
             [Meeting::Apart, Meeting::Together].map(|meeting| {
                 (format!("{family:?} {seed} {meeting:?}"), twins(family, seed, meeting))
