@@ -173,7 +173,7 @@ fn merge_text(merge: &Merge) -> String {
         MergeState::Provisional => "not merged, evidence too weak",
     };
     format!(
-        "{one} | {other}: {state}; {} agreeing, {} contradicting, wrong with probability below {:.1e}",
+        "{one} | {other}: {state}; {} agreeing, {} contradicting, estimated chance of being wrong {:.1e}",
         counted(evidence.agreeing as u64, "place"),
         evidence.contradicting,
         merge.false_bound,

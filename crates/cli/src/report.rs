@@ -79,8 +79,14 @@ fn merges(report: &mut Report, metrics: &Metrics) {
             }
             continue;
         }
-        let header =
-            ["one", "the other", "relations", "agreeing", "contradicting", "bound on being wrong"];
+        let header = [
+            "one",
+            "the other",
+            "relations",
+            "agreeing",
+            "contradicting",
+            "estimated chance of being wrong",
+        ];
         report.paragraph(some).table(&header, &rows);
     }
 }

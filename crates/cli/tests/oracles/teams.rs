@@ -51,7 +51,7 @@ fn a_run_cut_in_two_is_one_map_in_any_order_on_any_number_of_threads() {
     let (one, two) = (scratch.at("one"), scratch.at("two"));
     let ran = map(&logs, &one, &["--threads", "1"]);
     assert_eq!(ran.code, 0, "{}", ran.err);
-    for part in ["island 1: walk-1, walk-2", "merged; ", "wrong with probability below"] {
+    for part in ["island 1: walk-1, walk-2", "merged; ", "estimated chance of being wrong"] {
         assert!(ran.out.contains(part), "{part:?} missing in {}", ran.out);
     }
     assert_eq!(map(logs.iter().rev(), &two, &["--threads", "2", "--quiet"]).code, 0);
