@@ -82,7 +82,7 @@ pub enum StoreError {
         table: &'static str,
     },
     /// A scan that could not be had back bit by bit.
-    #[error("{}: the scan of patch {} has too many beams or limits that are no numbers",
+    #[error("{}: the scan of patch {} has more than 65,536 beams or breaks its own limits",
         file.display(), patch.0)]
     Scan {
         /// The file.

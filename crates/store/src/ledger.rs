@@ -97,9 +97,8 @@ impl Ledger {
                 Some(_) => {}
             }
         }
-        let count: usize =
-            connection.query_row("SELECT count(*) FROM digests", [], |r| r.get(0))?;
-        if count != STATE.len() + 1 {
+        let count: i64 = connection.query_row("SELECT count(*) FROM digests", [], |r| r.get(0))?;
+        if count != STATE.len() as i64 + 1 {
             object("digests", format!("{count} rows, expected {}", STATE.len() + 1));
         }
         Ok(findings)

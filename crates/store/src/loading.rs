@@ -4,7 +4,7 @@ use crate::cells::CellReader;
 use crate::error::{Finding, StoreError};
 use crate::ledger::Ledger;
 use crate::rows;
-use crate::site::{Site, changes_of};
+use crate::site::Site;
 use crate::table::{RowRead, Table, chain};
 use crate::{journal, schema};
 use manifold::{Change, Manifold, PatchId};

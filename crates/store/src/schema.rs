@@ -105,7 +105,7 @@ mod tests {
             let statement = connection.prepare(&sql).unwrap();
             let mut expected = table.columns.to_vec();
             expected.extend(["negative_zeros", "checksum"]);
-            assert_eq!(statement.column_names(), expected, "{}", table.name);
+            assert_eq!(statement.column_names().collect::<Vec<_>>(), expected, "{}", table.name);
         }
     }
 }
