@@ -32,6 +32,7 @@ mod journal;
 mod ledger;
 mod loading;
 mod lock;
+mod places;
 mod rows;
 mod scan_codec;
 mod schema;

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// A file's content, found whole.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Loaded {
     pub site: Site,
     pub ledger: Ledger,
@@ -22,6 +22,13 @@ pub(crate) struct Loaded {
     pub islands: Vec<PatchId>,
     /// Schema versions the file has had, with the programs that wrote them.
     pub versions: Vec<(i64, String)>,
+}
+
+impl Loaded {
+    /// The file's schema version; 0 of a file that is being made.
+    pub fn version(&self) -> i64 {
+        self.versions.last().map_or(0, |(version, _)| *version)
+    }
 }
 
 /// Reads the tables of the state and the journal, as of one moment.

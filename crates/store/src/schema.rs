@@ -1,7 +1,8 @@
 //! The schema, its versions, and how older files become new ones.
 
 use crate::error::{Finding, StoreError};
-use crate::ledger::Ledger;
+use crate::loading::Loaded;
+use crate::places;
 use crate::rows::{VERSIONS, version_cells};
 use rusqlite::{Connection, OptionalExtension};
 use std::path::Path;
@@ -9,24 +10,33 @@ use std::path::Path;
 /// Marks the file as ours (SQLite's header, bytes 68 to 71): `MfSL`.
 pub(crate) const APPLICATION_ID: u32 = u32::from_be_bytes(*b"MfSL");
 /// Schema version of the files written by this program.
-pub const SCHEMA_VERSION: i64 = 1;
+pub const SCHEMA_VERSION: i64 = 2;
 /// Bytes of a page. All files have the same, so that a damaged header can be replaced.
 pub(crate) const PAGE_SIZE: u32 = 4096;
 
 /// What each version added to the one before; the first makes a file out of nothing.
-const SQL: [&str; SCHEMA_VERSION as usize] = [include_str!("schema-1.sql")];
+const SQL: [&str; SCHEMA_VERSION as usize] =
+    [include_str!("schema-1.sql"), include_str!("schema-2.sql")];
+/// The version that brought `patch_places`.
+pub(crate) const WITH_PLACES: i64 = 2;
 
 /// Brings a database from one version to the newest; the caller holds the transaction.
 pub(crate) fn migrate(
     connection: &Connection,
-    ledger: &mut Ledger,
-    from: i64,
+    loaded: &mut Loaded,
     program: &str,
 ) -> rusqlite::Result<()> {
+    let from = loaded.version();
     for (version, sql) in (1..).zip(SQL).skip(from as usize) {
         connection.execute_batch(sql)?;
-        ledger.put(connection, &VERSIONS, &version_cells(version, program))?;
+        loaded.ledger.put(connection, &VERSIONS, &version_cells(version, program))?;
         connection.pragma_update(None, "user_version", version)?;
+        loaded.versions.push((version, program.to_owned()));
+        if version == WITH_PLACES {
+            for (patch, island) in loaded.site.manifold.patches().iter().zip(&loaded.islands) {
+                places::put(connection, patch, *island)?;
+            }
+        }
     }
     Ok(())
 }
@@ -99,7 +109,7 @@ mod tests {
     #[test]
     fn tables_have_the_columns_that_rows_are_written_in() {
         let connection = Connection::open_in_memory().unwrap();
-        migrate(&connection, &mut Ledger::default(), 0, "test").unwrap();
+        migrate(&connection, &mut Loaded::default(), "test").unwrap();
         for table in crate::rows::STATE {
             let sql = format!("SELECT * FROM {}", table.name);
             let statement = connection.prepare(&sql).unwrap();

@@ -1,9 +1,10 @@
 use crate::connecting::{check_header, for_reading, for_writing};
 use crate::error::{Finding, StoreError};
-use crate::ledger::{Ledger, read_journal_digest};
+use crate::ledger::read_journal_digest;
 use crate::loading::{Loaded, load, replayed};
 use crate::lock::{WriterLock, beside};
-use crate::schema::{APPLICATION_ID, PAGE_SIZE, SCHEMA_VERSION, migrate};
+use crate::places;
+use crate::schema::{self, APPLICATION_ID, PAGE_SIZE, SCHEMA_VERSION, migrate};
 use crate::site::{Site, Step};
 use crate::store::Store;
 use crate::writing::{Prepared, prepare};
@@ -58,9 +59,8 @@ impl SqliteStore {
         let mut loaded = load(&connection, file)?;
         connection.pragma_update(None, "journal_mode", "WAL").map_err(sqlite)?;
         connection.pragma_update(None, "synchronous", "FULL").map_err(sqlite)?;
-        let version = loaded.versions.last().map_or(0, |(version, _)| *version);
-        if version < SCHEMA_VERSION {
-            update(&mut connection, &mut loaded, version, program).map_err(sqlite)?;
+        if loaded.version() < SCHEMA_VERSION {
+            update(&mut connection, &mut loaded, program).map_err(sqlite)?;
         }
         let file = file.to_owned();
         Ok(SqliteStore { file, connection: Some(connection), loaded, failed: false, _lock: lock })
@@ -76,7 +76,7 @@ impl SqliteStore {
         let Some(connection) = &mut self.connection else {
             return Err(StoreError::Failed { file: self.file.clone() });
         };
-        match write(connection, &mut self.loaded.ledger, prepared) {
+        match write(connection, &mut self.loaded, prepared) {
             Ok(true) => Ok(()),
             Ok(false) => Err(StoreError::Overtaken { file: self.file.clone() }),
             Err(cause) => Err(StoreError::database(&self.file, cause)),
@@ -153,9 +153,9 @@ pub(crate) fn fill_empty(file: &Path, program: &str) -> rusqlite::Result<()> {
     connection.pragma_update(None, "synchronous", "FULL")?;
     connection.pragma_update(None, "application_id", APPLICATION_ID)?;
     let transaction = connection.transaction()?;
-    let mut ledger = Ledger::default();
-    migrate(&transaction, &mut ledger, 0, program)?;
-    ledger.write_all(&transaction)?;
+    let mut empty = Loaded::default();
+    migrate(&transaction, &mut empty, program)?;
+    empty.ledger.write_all(&transaction)?;
     transaction.commit()?;
     connection.close().map_err(|(_, cause)| cause)
 }
@@ -170,32 +170,30 @@ fn sync_folder(file: &Path) -> std::io::Result<()> {
 }
 
 /// Brings an older schema up to date, in one transaction.
-fn update(
-    connection: &mut Connection,
-    loaded: &mut Loaded,
-    version: i64,
-    program: &str,
-) -> rusqlite::Result<()> {
+fn update(connection: &mut Connection, loaded: &mut Loaded, program: &str) -> rusqlite::Result<()> {
     let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
-    migrate(&transaction, &mut loaded.ledger, version, program)?;
+    migrate(&transaction, loaded, program)?;
     loaded.ledger.write(&transaction)?;
-    transaction.commit()?;
-    loaded.versions.extend((version + 1..=SCHEMA_VERSION).map(|v| (v, program.to_owned())));
-    Ok(())
+    transaction.commit()
 }
 
 /// Writes a step; false, and nothing written, when the journal does not end where it did.
 fn write(
     connection: &mut Connection,
-    ledger: &mut Ledger,
+    loaded: &mut Loaded,
     prepared: Prepared,
 ) -> rusqlite::Result<bool> {
+    let ledger = &mut loaded.ledger;
     let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
     if read_journal_digest(&transaction)? != Some(ledger.journal) {
         return Ok(false);
     }
     for (table, cells) in &prepared.rows {
         ledger.put(&transaction, table, cells)?;
+    }
+    let patches = loaded.site.manifold.patches();
+    for patch in prepared.patches {
+        places::put(&transaction, &patches[patch.index()], loaded.islands[patch.index()])?;
     }
     let sql = "INSERT INTO changes VALUES (?, ?, ?, ?, ?)";
     for (kind, payload) in prepared.changes {
@@ -247,6 +245,10 @@ pub fn verify(file: &Path) -> Result<Vec<Finding>, StoreError> {
     let _one_moment = connection.unchecked_transaction().map_err(sqlite)?;
     let mut findings = integrity(&connection).map_err(sqlite)?;
     findings.extend(replayed(&connection, &loaded).map_err(sqlite)?);
+    if loaded.version() >= schema::WITH_PLACES {
+        let patches = loaded.site.manifold.patches();
+        findings.extend(places::problems(&connection, patches, &loaded.islands).map_err(sqlite)?);
+    }
     Ok(findings)
 }
 

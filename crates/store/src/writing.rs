@@ -16,6 +16,8 @@ use std::path::Path;
 pub(crate) struct Prepared {
     pub step: u64,
     pub rows: Vec<(Table, Cells)>,
+    /// Patches that are new or have moved.
+    pub patches: BTreeSet<PatchId>,
     pub changes: Vec<(&'static str, Vec<u8>)>,
 }
 
@@ -26,8 +28,8 @@ pub(crate) fn prepare(
     step: &Step,
 ) -> Result<Prepared, StoreError> {
     let scans = pack_scans(file, step)?;
-    let (ways, sightings) =
-        (loaded.site.manifold.ways().len(), loaded.site.manifold.sightings().len());
+    let map = &loaded.site.manifold;
+    let noted = (map.ways().len(), map.sightings().len());
     loaded
         .site
         .perform(step)
@@ -52,7 +54,8 @@ pub(crate) fn prepare(
     };
     let mut rows: Vec<(Table, Cells)> =
         scans.into_values().map(|cells| (rows::SCANS, cells)).collect();
-    rows.extend(map_rows(loaded, step, ways, sightings));
+    let (patches, relations) = touched(loaded, step);
+    rows.extend(map_rows(loaded, step, &patches, &relations, noted));
     rows.extend(site_rows(loaded, step));
     rows.push((rows::STEPS, rows::step_cells(&summary)));
     let numbers = rows.iter().map(|(table, cells)| (table.name, cells));
@@ -63,7 +66,7 @@ pub(crate) fn prepare(
     let number = summary.step;
     loaded.site.steps.push(summary);
     let changes = changes.into_iter().map(|(kind, cells)| (kind, cells.to_bytes())).collect();
-    Ok(Prepared { step: number, rows, changes })
+    Ok(Prepared { step: number, rows, patches, changes })
 }
 
 /// The rows of the scans of new patches.
@@ -80,19 +83,13 @@ fn pack_scans(file: &Path, step: &Step) -> Result<BTreeMap<PatchId, Cells>, Stor
 
 /// The rows of the map that a step has touched, the step being performed already.
 fn map_rows(
-    loaded: &mut Loaded,
+    loaded: &Loaded,
     step: &Step,
-    ways: usize,
-    sightings: usize,
+    patches: &BTreeSet<PatchId>,
+    relations: &BTreeSet<RelationId>,
+    (ways, sightings): (usize, usize),
 ) -> Vec<(Table, Cells)> {
-    let (mut patches, relations) = touched(step);
     let map = &loaded.site.manifold;
-    if !relations.is_empty() || map.patches().len() > loaded.islands.len() {
-        let islands = loaded.site.island_names();
-        let moved = islands.iter().enumerate().filter(|(i, n)| loaded.islands.get(*i) != Some(n));
-        patches.extend(moved.map(|(i, _)| PatchId(i as u32)));
-        loaded.islands = islands;
-    }
     let robots = step.changes.iter().filter_map(|change| match change {
         Change::RobotJoined(robot) => Some((rows::ROBOTS, rows::robot_cells(robot))),
         _ => None,
@@ -109,8 +106,9 @@ fn map_rows(
     robots.chain(patches).chain(relations).chain(ways).chain(sightings).collect()
 }
 
-/// Patches and relations that a step's changes name as their own.
-fn touched(step: &Step) -> (BTreeSet<PatchId>, BTreeSet<RelationId>) {
+/// The patches and relations whose rows change: those that the step names, and the patches that
+/// come to belong to other islands.
+fn touched(loaded: &mut Loaded, step: &Step) -> (BTreeSet<PatchId>, BTreeSet<RelationId>) {
     let (mut patches, mut relations) = (BTreeSet::new(), BTreeSet::new());
     for change in &step.changes {
         match change {
@@ -123,6 +121,12 @@ fn touched(step: &Step) -> (BTreeSet<PatchId>, BTreeSet<RelationId>) {
             Change::RelationRetracted(id, _) => relations.extend([*id]),
             Change::RobotJoined(_) | Change::WayNoted(_) | Change::LandmarkSighted(_) => {}
         }
+    }
+    if !relations.is_empty() || !patches.is_empty() {
+        let islands = loaded.site.island_names();
+        let moved = islands.iter().enumerate().filter(|(i, n)| loaded.islands.get(*i) != Some(n));
+        patches.extend(moved.map(|(i, _)| PatchId(i as u32)));
+        loaded.islands = islands;
     }
     (patches, relations)
 }

@@ -84,7 +84,7 @@ pub fn some_sighting(index: usize, patch: PatchId) -> PatchSighting {
     let kinds = [LandmarkKind::Victim, LandmarkKind::Tag, LandmarkKind::Robot];
     let sighting = Sighting {
         kind: kinds[index % 3],
-        id: (index % 3 > 0).then(|| Arc::from(format!("tag \"{index}\"\u{e9}"))),
+        id: (!index.is_multiple_of(3)).then(|| Arc::from(format!("tag \"{index}\"\u{e9}"))),
         position: Vector2::new(noise(index, 1), -0.0),
         covariance: Matrix2::new(0.01, 0.001, 0.001, noise(index, 2)),
         yaw: (index % 3 == 2).then_some((noise(index, 3), 0.2)),
@@ -96,8 +96,8 @@ pub fn some_way(index: usize, from: PatchId, to: PatchId) -> Way {
     Way {
         from,
         to,
-        motion: (index % 2 == 0).then(|| some_gaussian(index)),
-        climb: (index % 3 == 0).then(|| Climb {
+        motion: index.is_multiple_of(2).then(|| some_gaussian(index)),
+        climb: index.is_multiple_of(3).then(|| Climb {
             rise_m: noise(index, 1),
             distance_m: noise(index, 2),
             variance_m2: 0.3,
@@ -157,7 +157,7 @@ pub fn next_step(map: &mut Manifold, scans: &mut [usize; 3], number: usize) -> S
         match number % 7 {
             1 => map.confirm(relation),
             2 => map.retract(relation, Retraction::ByUser),
-            3 => map.leave_out(vec![earlier], number % 2 == 0),
+            3 => map.leave_out(vec![earlier], number.is_multiple_of(2)),
             4 => map.elevate(vec![(earlier, Elevation { height_m: 3.0, variance_m2: 0.5 })]),
             5 => map.note_sighting(some_sighting(number, patch)),
             6 => {
