@@ -8,7 +8,7 @@ use rusqlite::Connection;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Name of the digest of the journal: how many changes, and the chain's last link.
-const CHANGES: &str = "changes";
+pub(crate) const CHANGES: &str = "changes";
 
 /// What the file's digests should say.
 #[derive(Debug, Default)]
@@ -79,29 +79,46 @@ impl Ledger {
 
     /// Compares with the digests in the file, which holds what was read from it.
     pub fn compare(&mut self, connection: &Connection) -> rusqlite::Result<Vec<Finding>> {
-        self.stale.clear();
-        let mut findings = Vec::new();
-        let mut object = |place: &str, problem: String| {
-            findings.push(Finding { place: place.to_owned(), problem });
-        };
-        for name in STATE.iter().map(|table| table.name).chain([CHANGES]) {
-            let found = self.digest(name);
-            match read_digest(connection, name)? {
-                None => object(name, "its digest is missing or damaged".into()),
-                Some(expected) if expected.rows != found.rows => {
-                    object(name, format!("{} of {} rows are whole", found.rows, expected.rows));
-                }
-                Some(expected) if expected != found => {
-                    object(name, "its rows are not those that were written".into());
-                }
-                Some(_) => {}
-            }
-        }
-        let count: i64 = connection.query_row("SELECT count(*) FROM digests", [], |r| r.get(0))?;
+        let mut findings = self.compare_state(connection)?;
+        findings.extend(self.compare_one(connection, CHANGES)?);
+        let sql = "SELECT count(*) FROM digests";
+        let count: i64 = connection.query_row(sql, [], |row| row.get(0))?;
         if count != STATE.len() as i64 + 1 {
-            object("digests", format!("{count} rows, expected {}", STATE.len() + 1));
+            let problem = format!("{count} rows, expected {}", STATE.len() + 1);
+            findings.push(Finding { place: "digests".into(), problem });
         }
         Ok(findings)
+    }
+
+    /// The same for the tables of the state alone.
+    pub fn compare_state(&mut self, connection: &Connection) -> rusqlite::Result<Vec<Finding>> {
+        self.stale.clear();
+        let compared = STATE.iter().map(|table| self.compare_one(connection, table.name));
+        compared.filter_map(Result::transpose).collect()
+    }
+
+    fn compare_one(
+        &self,
+        connection: &Connection,
+        name: &str,
+    ) -> rusqlite::Result<Option<Finding>> {
+        let found = self.digest(name);
+        let problem = match read_digest(connection, name)? {
+            None => "its digest is missing or damaged".into(),
+            Some(expected) if expected.rows != found.rows => {
+                format!("{} of {} rows are whole", found.rows, expected.rows)
+            }
+            Some(expected) if expected != found => {
+                "its rows are not those that were written".into()
+            }
+            Some(_) => return Ok(None),
+        };
+        Ok(Some(Finding { place: name.to_owned(), problem }))
+    }
+
+    /// True when not a single row is known.
+    pub fn is_empty(&self) -> bool {
+        self.journal.rows == 0 && self.tables.values().all(|known| known.rows.is_empty())
     }
 
     fn digest(&self, name: &str) -> Digest {
@@ -131,7 +148,7 @@ fn write_digest(connection: &Connection, name: &str, digest: Digest) -> rusqlite
 }
 
 /// `None` when it is missing or its own checksum is wrong.
-fn read_digest(connection: &Connection, name: &str) -> rusqlite::Result<Option<Digest>> {
+pub(crate) fn read_digest(connection: &Connection, name: &str) -> rusqlite::Result<Option<Digest>> {
     let sql = "SELECT rows, sum, checksum FROM digests WHERE name = ?";
     let mut statement = connection.prepare_cached(sql)?;
     let mut rows = statement.query([name])?;

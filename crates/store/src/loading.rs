@@ -53,7 +53,7 @@ pub(crate) fn load(connection: &Connection, file: &Path) -> Result<Loaded, Store
     Err(StoreError::Damaged { file: file.to_owned(), findings: reading.findings })
 }
 
-type State = (Site, Vec<PatchId>, Vec<(i64, String)>);
+pub(crate) type State = (Site, Vec<PatchId>, Vec<(i64, String)>);
 
 /// Reads rows and keeps a list of those that are not as they should be.
 pub(crate) struct Reading<'a> {
@@ -111,7 +111,7 @@ impl<'a> Reading<'a> {
     }
 
     /// The state, when it makes sense.
-    fn state(&mut self) -> Option<State> {
+    pub fn state(&mut self) -> Option<State> {
         let versions = self.rows(&rows::VERSIONS, rows::read_version);
         let mut site = Site { manifold: Manifold::new(), ..Site::default() };
         site.metadata = self.rows(&rows::METADATA, rows::read_metadata).into_iter().collect();
@@ -148,15 +148,19 @@ impl<'a> Reading<'a> {
         let scans: Vec<Arc<Scan>> = self.numbered(&rows::SCANS, |row| {
             rows::read_scan(row).map(|(patch, scan)| (patch.index(), Arc::new(scan)))
         });
-        let robots = self.rows(&rows::ROBOTS, rows::read_robot);
-        let patches = self.rows(&rows::PATCHES, |mut row| {
+        let robots = self.numbered(&rows::ROBOTS, |row| {
+            rows::read_robot(row).map(|robot| (usize::from(robot.id.0), robot))
+        });
+        let patches = self.numbered(&rows::PATCHES, |mut row| {
             let read = rows::read_patch(&mut row, |id| scans.get(id.index()).cloned())?;
-            row.end().map(|()| read)
+            row.end().map(|()| (read.0.id.index(), read))
         });
         if patches.len() != scans.len() {
             self.object(rows::PATCHES.name, "not as many patches as scans");
         }
-        let relations = self.rows(&rows::RELATIONS, rows::read_relation);
+        let relations = self.numbered(&rows::RELATIONS, |row| {
+            rows::read_relation(row).map(|relation| (relation.id.index(), relation))
+        });
         let ways = self.numbered(&rows::WAYS, rows::read_way);
         let sightings = self.numbered(&rows::SIGHTINGS, rows::read_sighting);
         let islands = patches.iter().map(|(_, island)| *island).collect();

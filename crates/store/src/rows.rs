@@ -214,7 +214,8 @@ pub(crate) fn read_scan(mut row: CellReader) -> Option<(PatchId, Scan)> {
     row.end().map(|()| (patch, scan))
 }
 
-fn provenance_name(provenance: Provenance) -> &'static str {
+/// How a provenance is written in the file.
+pub fn provenance_name(provenance: Provenance) -> &'static str {
     match provenance {
         Provenance::Sequential => "sequential",
         Provenance::LoopClosure => "loop-closure",

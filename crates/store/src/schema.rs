@@ -6,6 +6,7 @@ use crate::places;
 use crate::rows::{VERSIONS, version_cells};
 use rusqlite::{Connection, OptionalExtension};
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// Marks the file as ours (SQLite's header, bytes 68 to 71): `MfSL`.
 pub(crate) const APPLICATION_ID: u32 = u32::from_be_bytes(*b"MfSL");
@@ -81,23 +82,47 @@ fn entries(connection: &Connection) -> rusqlite::Result<Entries> {
     rows.collect()
 }
 
+/// The schema that files are written in.
+static NEWEST: OnceLock<Entries> = OnceLock::new();
+
+/// The schema of a version, in an empty database.
+fn expected(version: i64) -> rusqlite::Result<Entries> {
+    let model = Connection::open_in_memory()?;
+    SQL.iter().take(version as usize).try_for_each(|sql| model.execute_batch(sql))?;
+    entries(&model)
+}
+
+/// Said of what should be in the schema and is not.
+pub(crate) const MISSING: &str = "is missing or altered";
+
 /// What differs from the schema of a version: nothing is added, nothing is missing.
 pub(crate) fn problems(connection: &Connection, version: i64) -> rusqlite::Result<Vec<Finding>> {
-    let model = Connection::open_in_memory()?;
-    for sql in SQL.iter().take(version as usize) {
-        model.execute_batch(sql)?;
-    }
-    let (expected, found) = (entries(&model)?, entries(connection)?);
+    let expected = match version {
+        SCHEMA_VERSION => NEWEST.get_or_init(|| expected(version).unwrap_or_default()),
+        older => &expected(older)?,
+    };
+    let found = entries(connection)?;
     let differing = expected.iter().filter(|e| !found.contains(e));
     let foreign = found.iter().filter(|e| !expected.contains(e));
     Ok(differing
-        .map(|e| (e, "is missing or altered"))
+        .map(|e| (e, MISSING))
         .chain(foreign.map(|e| (e, "does not belong there")))
         .map(|(e, what)| Finding {
             place: "schema".into(),
             problem: format!("{} `{}` {what}", e.0, e.1),
         })
         .collect())
+}
+
+/// The first page of an empty file of the first version. Its tables stand at the same pages in every
+/// file: later versions add theirs behind them.
+pub(crate) fn first_page() -> rusqlite::Result<Vec<u8>> {
+    let mut connection = Connection::open_in_memory()?;
+    connection.pragma_update(None, "page_size", PAGE_SIZE)?;
+    connection.pragma_update(None, "application_id", APPLICATION_ID)?;
+    connection.execute_batch(SQL[0])?;
+    let bytes = connection.serialize(rusqlite::MAIN_DB)?;
+    Ok(bytes[..PAGE_SIZE as usize].to_vec())
 }
 
 #[cfg(test)]

@@ -57,6 +57,14 @@ impl Table {
         Ok(())
     }
 
+    /// The row of an integer key.
+    pub fn read_one(&self, connection: &Connection, key: u32) -> rusqlite::Result<Option<RowRead>> {
+        let sql = format!("SELECT * FROM {} WHERE {} = ?", self.name, self.columns[0]);
+        let mut statement = connection.prepare_cached(&sql)?;
+        let mut rows = statement.query([key])?;
+        rows.next()?.map(|row| self.read_row(row)).transpose()
+    }
+
     fn read_row(&self, row: &Row) -> rusqlite::Result<RowRead> {
         let count = self.columns.len();
         let values: Result<Vec<Value>, _> = (0..count).map(|i| row.get(i)).collect();

@@ -5,7 +5,7 @@ use crate::sites::{
     some_tracked, some_way, story,
 };
 use manifold::{Change, Manifold, Patch, PatchId, Provenance, RelationId, Retraction};
-use manifoldslam_store::{SqliteStore, Step, Store, StoreError, read, verify};
+use manifoldslam_store::{Recorder, SqliteStore, Step, Store, StoreError, read, verify};
 use proptest::prelude::*;
 use sensing::RobotId;
 
@@ -205,4 +205,29 @@ fn what_does_not_follow_or_is_no_number_is_refused_and_nothing_of_it_is_written(
         let mut store = SqliteStore::open(&file, "test").unwrap();
         store.write(&good).unwrap();
     }
+}
+
+#[test]
+fn a_recorder_writes_by_count_and_nothing_twice() {
+    let scratch = Scratch::new("recorder");
+    let file = scratch.at("site.manifold");
+    let (steps, expected) = story(40);
+    let mut recorder = Recorder::new(SqliteStore::create(&file, "test").unwrap(), 50);
+    for step in &steps {
+        step.logs.iter().for_each(|log| recorder.set_log(log.clone()));
+        step.metadata.iter().for_each(|(key, value)| recorder.set(key, value));
+        recorder.record(step.changes.clone(), step.scans.clone(), step.time_unix_ns).unwrap();
+        let written = recorder.site().manifold.patches().len();
+        assert_eq!(read(&file).unwrap().site.manifold.patches().len(), written);
+    }
+    let written = recorder.site().steps.len();
+    assert!((3..8).contains(&written), "{written} steps");
+    recorder.commit("last", 77).unwrap();
+    recorder.commit("nothing waits", 78).unwrap();
+    recorder.close().unwrap();
+    let found = read(&file).unwrap();
+    assert_same(&found.site, &expected);
+    assert_eq!(found.site.steps.len(), written + 1);
+    assert_eq!(found.site.steps[written].note, "last");
+    assert_eq!(verify(&file).unwrap(), []);
 }
