@@ -3,9 +3,11 @@
 mod bench;
 mod demo;
 mod eval;
+mod info;
 pub mod map;
 mod optimize;
 mod render;
+mod salvage;
 
 use crate::Outcome;
 use crate::args::{Args, Command, ConfigCommand, EvalCommand};
@@ -26,6 +28,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
         Command::Map(args) => map::run(args, global),
         Command::Optimize(args) => optimize::run(args, global),
         Command::Render(args) => render::run(args, global),
+        Command::Info(args) => info::run(args, global),
+        Command::Salvage(args) => salvage::run(args, global),
         Command::Eval(EvalCommand::Relations(args)) => eval::relations(args, global),
         Command::Eval(EvalCommand::Ate(args)) => eval::ate(args, global),
         Command::Config(ConfigCommand::Show(args)) => {

@@ -14,6 +14,7 @@ mod metrics;
 mod reading;
 mod result_folder;
 mod scoring;
+mod site_info;
 mod terminal;
 
 use clap::Parser;

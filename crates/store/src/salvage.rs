@@ -45,10 +45,7 @@ pub fn salvage(file: &Path) -> Result<Salvaged, StoreError> {
         Ok((Err(error @ StoreError::Newer { .. }), _)) => return Err(error),
         Ok((Ok(loaded), _)) => return Ok(Salvaged { site: loaded.site, ..Salvaged::default() }),
         Ok((Err(_), connection)) if has_schema(&connection) => (connection, Vec::new()),
-        Ok((Err(error), _)) | Err(error) => {
-            let first = Finding { place: "first page".into(), problem: error.to_string() };
-            (image(file)?, vec![first])
-        }
+        Ok((Err(error), _)) | Err(error) => (image(file)?, findings(error)),
     };
     let mut salvaged = pick(&connection, file)?;
     if !repaired.is_empty() && has_log(file) {
@@ -82,6 +79,14 @@ impl Salvaged {
         let mut store = SqliteStore::create(new, program)?;
         store.write(&step)?;
         store.close()
+    }
+}
+
+/// What an error says of the damage.
+fn findings(error: StoreError) -> Vec<Finding> {
+    match error {
+        StoreError::Damaged { findings, .. } => findings,
+        other => vec![Finding { place: "file".into(), problem: other.to_string() }],
     }
 }
 

@@ -260,3 +260,37 @@ fn integrity(connection: &Connection) -> rusqlite::Result<Vec<Finding>> {
     let wrong = lines.into_iter().filter(|line| line != "ok");
     Ok(wrong.map(|problem| Finding { place: "database".into(), problem }).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    // A test that cannot unwrap has failed.
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_full_disk_stops_the_writer_and_costs_nothing_written() {
+        let name = format!("manifoldslam-store-full-{}.manifold", std::process::id());
+        let file = std::env::temp_dir().join(name);
+        let _ = std::fs::remove_file(&file);
+        let mut store = SqliteStore::create(&file, "test").unwrap();
+        let connection = store.connection.as_ref().unwrap();
+        let sql = "PRAGMA max_page_count = 30";
+        connection.query_row(sql, [], |row| row.get::<_, i64>(0)).unwrap();
+        let step = |i: usize| {
+            let entry = (format!("entry {i}"), "x".repeat(3000));
+            Step { metadata: vec![entry], ..Step::default() }
+        };
+        let written = (0..100).take_while(|i| store.write(&step(*i)).is_ok()).count();
+        assert!((3..30).contains(&written), "{written}");
+        let error = store.write(&step(0)).unwrap_err();
+        assert!(matches!(error, StoreError::Failed { .. }), "{error}");
+        store.close().unwrap();
+        let mut store = SqliteStore::open(&file, "test").unwrap();
+        assert_eq!(store.site().metadata.len(), written);
+        store.write(&step(written)).unwrap();
+        store.close().unwrap();
+        assert_eq!(read(&file).unwrap().site.metadata.len(), written + 1);
+        assert_eq!(verify(&file).unwrap(), []);
+        std::fs::remove_file(&file).unwrap();
+    }
+}

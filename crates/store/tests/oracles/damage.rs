@@ -119,7 +119,7 @@ fn a_truncated_file_is_refused_and_salvaged() {
 #[test]
 fn what_is_salvaged_becomes_a_file() {
     let scratch = Scratch::new("salvaged");
-    let (file, steps, expected) = written(&scratch);
+    let (file, _, expected) = written(&scratch);
     let database = rusqlite::Connection::open(&file).unwrap();
     // A patch's scan, a state row that the journal has too, and the end of the journal.
     let spoil = "UPDATE scans SET data = x'00' WHERE patch = 3; \
