@@ -11,6 +11,8 @@ mod benchmark;
 mod commands;
 #[path = "oracles/scores.rs"]
 mod scores;
+#[path = "oracles/sites.rs"]
+mod sites;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

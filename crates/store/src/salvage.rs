@@ -2,7 +2,7 @@ use crate::connecting::{check_header, for_reading, has_log};
 use crate::error::{Finding, StoreError};
 use crate::ledger::read_digest;
 use crate::loading::{Reading, load, read_journal};
-use crate::schema::{PAGE_SIZE, first_page};
+use crate::schema::{FIRST_PAGES, PAGE_SIZE, first_page};
 use crate::site::{Site, Step, changes_of};
 use crate::sqlite::SqliteStore;
 use crate::store::Store;
@@ -102,7 +102,8 @@ fn image(file: &Path) -> Result<Connection, StoreError> {
     let sqlite = |cause| StoreError::database(file, cause);
     let mut bytes = std::fs::read(file).map_err(|cause| StoreError::file(file, cause))?;
     let page = PAGE_SIZE as usize;
-    let pages = bytes.len().div_ceil(page).max(1);
+    // SQLite refuses a schema whose tables begin behind the end of the file.
+    let pages = bytes.len().div_ceil(page).max(FIRST_PAGES);
     bytes.resize(pages * page, 0);
     bytes[..page].copy_from_slice(&first_page().map_err(sqlite)?);
     bytes[28..32].copy_from_slice(&(pages as u32).to_be_bytes());

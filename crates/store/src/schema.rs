@@ -114,6 +114,9 @@ pub(crate) fn problems(connection: &Connection, version: i64) -> rusqlite::Resul
         .collect())
 }
 
+/// Pages of an empty file of the first version: one for the schema, one for each table.
+pub(crate) const FIRST_PAGES: usize = 14;
+
 /// The first page of an empty file of the first version. Its tables stand at the same pages in every
 /// file: later versions add theirs behind them.
 pub(crate) fn first_page() -> rusqlite::Result<Vec<u8>> {
@@ -130,6 +133,11 @@ mod tests {
     // A test that cannot unwrap has failed.
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn tables_of_the_first_version_have_their_pages() {
+        assert_eq!(first_page().unwrap()[28..32], (FIRST_PAGES as u32).to_be_bytes());
+    }
 
     #[test]
     fn tables_have_the_columns_that_rows_are_written_in() {
