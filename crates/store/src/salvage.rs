@@ -39,7 +39,7 @@ pub struct Salvaged {
 /// file is ours.
 pub fn salvage(file: &Path) -> Result<Salvaged, StoreError> {
     let opened = check_header(file).and_then(|()| for_reading(file));
-    let whole = opened.and_then(|connection| Ok((load(&connection, file), connection)));
+    let whole = opened.map(|connection| (load(&connection, file), connection));
     let (connection, mut repaired) = match whole {
         Err(error @ StoreError::File { .. }) => return Err(error),
         Ok((Err(error @ StoreError::Newer { .. }), _)) => return Err(error),
@@ -58,7 +58,7 @@ pub fn salvage(file: &Path) -> Result<Salvaged, StoreError> {
 }
 
 impl Salvaged {
-    /// Writes what was salvaged into a new file, as one step.
+    /// Writes what was salvaged into a new file, as one step: its history begins anew.
     ///
     /// # Errors
     /// Those of [`SqliteStore::create`] and [`Store::write`].
@@ -192,7 +192,7 @@ impl Salvaged {
         self.lost.push(Finding { place: place.to_owned(), problem: what.to_owned() });
     }
 
-    /// What stands beside the map: metadata, logs, trajectories.
+    /// What stands beside the map: metadata, logs, trajectories, steps.
     fn beside(&mut self, connection: &Connection) {
         let mut reading = Reading::new(connection);
         let robots = self.site.manifold.robots().len();
@@ -210,6 +210,8 @@ impl Salvaged {
             kept += usize::from(self.site.track(robot, place, scan).is_some());
         }
         self.count(connection, &rows::TRAJECTORY, kept);
+        self.site.steps = reading.rows(&rows::STEPS, rows::read_step);
+        self.count(connection, &rows::STEPS, self.site.steps.len());
     }
 
     /// Compares with how many rows there should be.

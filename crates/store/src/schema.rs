@@ -117,8 +117,8 @@ pub(crate) fn problems(connection: &Connection, version: i64) -> rusqlite::Resul
 /// Pages of an empty file of the first version: one for the schema, one for each table.
 pub(crate) const FIRST_PAGES: usize = 14;
 
-/// The first page of an empty file of the first version. Its tables stand at the same pages in every
-/// file: later versions add theirs behind them.
+/// The first page of an empty file of the first version. Its tables stand at the same pages in
+/// every file: later versions add theirs behind them.
 pub(crate) fn first_page() -> rusqlite::Result<Vec<u8>> {
     let mut connection = Connection::open_in_memory()?;
     connection.pragma_update(None, "page_size", PAGE_SIZE)?;

@@ -45,6 +45,7 @@ pub fn run(args: &SalvageArgs, global: &Global) -> Result<Outcome> {
         counted(report.scans as u64, "scan"),
     );
     let _ = report.repaired.iter().try_for_each(|what| write!(text, "\n  repaired: {what}"));
+    text.push_str("\n  the new file's history begins here");
     print(global, &text, &report)?;
     // Losses are told even to those who want to hear nothing else.
     report.lost.iter().for_each(|what| eprintln!("lost: {what}"));
