@@ -50,6 +50,10 @@ pub enum Command {
     Optimize(OptimizeArgs),
     /// Draw a map again, at another resolution or cropped
     Render(RenderArgs),
+    /// Say what is in a manifold file
+    Info(InfoArgs),
+    /// Save what can be saved of a damaged manifold file
+    Salvage(SalvageArgs),
     /// Score a trajectory against the truth
     #[command(subcommand)]
     Eval(EvalCommand),
@@ -229,6 +233,37 @@ pub struct Crop {
     pub min: (f64, f64),
     /// Upper-right corner.
     pub max: (f64, f64),
+}
+
+/// Arguments of `info`.
+#[derive(Debug, ClapArgs)]
+#[command(
+    after_help = "Works beside a program that is writing to the file. Exit code 1, with the reason, when the file is \
+    damaged, newer than this program or something else.\n\n\
+    Examples:\n  \
+    manifoldslam info site.manifold\n  \
+    manifoldslam info --verify --json site.manifold"
+)]
+pub struct InfoArgs {
+    /// Manifold file
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Also rebuild the map from its journal and compare it bit by bit; check the database itself
+    #[arg(long)]
+    pub verify: bool,
+}
+
+/// Arguments of `salvage`.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Exit code 3 when something was lost: what is printed.\n\n\
+    Example:\n  manifoldslam salvage broken.manifold -o site.manifold")]
+pub struct SalvageArgs {
+    /// Damaged manifold file; it is not changed
+    #[arg(value_name = "BROKEN")]
+    pub broken: PathBuf,
+    /// Manifold file to write; must not exist
+    #[arg(long, short, value_name = "NEW")]
+    pub output: PathBuf,
 }
 
 /// Commands of `eval`.

@@ -18,6 +18,7 @@ mod report;
 mod result;
 mod result_folder;
 mod scoring;
+mod site_info;
 mod team;
 mod terminal;
 

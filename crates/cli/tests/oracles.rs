@@ -13,6 +13,8 @@ mod commands;
 mod cut;
 #[path = "oracles/scores.rs"]
 mod scores;
+#[path = "oracles/sites.rs"]
+mod sites;
 #[path = "oracles/teams.rs"]
 mod teams;
 

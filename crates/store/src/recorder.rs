@@ -1,0 +1,87 @@
+use crate::error::StoreError;
+use crate::site::{RobotLog, Site, Step, TrackedScan};
+use crate::store::Store;
+use manifold::Change;
+use sensing::RobotId;
+
+/// Changes and scans that wait for each other by default. A step costs some page writes and a wait
+/// for the disk, milliseconds in all; what waits is lost when the program is killed.
+pub const COMMIT_EVERY: usize = 256;
+
+/// Gathers what a mapper brings forth and writes it in steps: by count, since it reads no clock.
+///
+/// ```no_run
+/// # use manifoldslam_store::{Recorder, SqliteStore, StoreError};
+/// # fn f(mut map: manifold::Manifold, now: i64) -> Result<(), StoreError> {
+/// let store = SqliteStore::create("site.manifold".as_ref(), env!("CARGO_PKG_VERSION"))?;
+/// let mut recorder = Recorder::new(store, 256);
+/// recorder.record(map.take_journal(), [], now)?;
+/// recorder.set("state", "finished");
+/// recorder.commit("refit", now)?;
+/// recorder.close()
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct Recorder<S: Store> {
+    store: S,
+    commit_every: usize,
+    waiting: Step,
+}
+
+impl<S: Store> Recorder<S> {
+    /// Writes into a store, a step for every `commit_every` changes and scans or so.
+    pub fn new(store: S, commit_every: usize) -> Self {
+        Recorder { store, commit_every, waiting: Step::default() }
+    }
+
+    /// What is written, without what waits.
+    pub fn site(&self) -> &Site {
+        self.store.site()
+    }
+
+    /// Notes which log a robot recorded; the robot itself joins by a change.
+    pub fn set_log(&mut self, log: RobotLog) {
+        self.waiting.logs.push(log);
+    }
+
+    /// Sets an entry of the metadata.
+    pub fn set(&mut self, key: &str, value: &str) {
+        self.waiting.metadata.push((key.to_owned(), value.to_owned()));
+    }
+
+    /// Takes changes in the order they happened, and scans by robot and place in its log, which may
+    /// hang on patches of these changes. `now_unix_ns` is nanoseconds since 1970.
+    ///
+    /// # Errors
+    /// Those of [`Store::write`], when a step is due.
+    pub fn record(
+        &mut self,
+        changes: impl IntoIterator<Item = Change>,
+        scans: impl IntoIterator<Item = (RobotId, usize, TrackedScan)>,
+        now_unix_ns: i64,
+    ) -> Result<(), StoreError> {
+        self.waiting.changes.extend(changes);
+        self.waiting.scans.extend(scans);
+        if self.waiting.changes.len() + self.waiting.scans.len() < self.commit_every {
+            return Ok(());
+        }
+        self.commit("scans", now_unix_ns)
+    }
+
+    /// Writes what waits as a step.
+    ///
+    /// # Errors
+    /// Those of [`Store::write`].
+    pub fn commit(&mut self, note: &str, now_unix_ns: i64) -> Result<(), StoreError> {
+        let step = std::mem::take(&mut self.waiting);
+        self.store.write(&Step { note: note.to_owned(), time_unix_ns: now_unix_ns, ..step })
+    }
+
+    /// Closes the store. What waits is not written: say [`Recorder::commit`] before.
+    ///
+    /// # Errors
+    /// Those of [`Store::close`].
+    pub fn close(self) -> Result<(), StoreError> {
+        self.store.close()
+    }
+}
