@@ -57,6 +57,11 @@ impl Ledger {
         self.tables.get(table.name)?.rows.get(&key[..]).copied()
     }
 
+    /// Takes note of a new table without rows.
+    pub fn begin(&mut self, table: &Table) {
+        self.stale.insert(table.name);
+    }
+
     /// Adds a link to the chain of changes.
     pub fn link(&mut self, chain: u64) {
         self.journal = Digest { rows: self.journal.rows + 1, sum: chain };
@@ -77,23 +82,31 @@ impl Ledger {
         self.write(connection)
     }
 
-    /// Compares with the digests in the file, which holds what was read from it.
-    pub fn compare(&mut self, connection: &Connection) -> rusqlite::Result<Vec<Finding>> {
-        let mut findings = self.compare_state(connection)?;
+    /// Compares with the digests in the file, which holds what was read from these tables.
+    pub fn compare(
+        &mut self,
+        connection: &Connection,
+        tables: &[Table],
+    ) -> rusqlite::Result<Vec<Finding>> {
+        let mut findings = self.compare_state(connection, tables)?;
         findings.extend(self.compare_one(connection, CHANGES)?);
         let sql = "SELECT count(*) FROM digests";
         let count: i64 = connection.query_row(sql, [], |row| row.get(0))?;
-        if count != STATE.len() as i64 + 1 {
-            let problem = format!("{count} rows, expected {}", STATE.len() + 1);
+        if count != tables.len() as i64 + 1 {
+            let problem = format!("{count} rows, expected {}", tables.len() + 1);
             findings.push(Finding { place: "digests".into(), problem });
         }
         Ok(findings)
     }
 
     /// The same for the tables of the state alone.
-    pub fn compare_state(&mut self, connection: &Connection) -> rusqlite::Result<Vec<Finding>> {
+    pub fn compare_state(
+        &mut self,
+        connection: &Connection,
+        tables: &[Table],
+    ) -> rusqlite::Result<Vec<Finding>> {
         self.stale.clear();
-        let compared = STATE.iter().map(|table| self.compare_one(connection, table.name));
+        let compared = tables.iter().map(|table| self.compare_one(connection, table.name));
         compared.filter_map(Result::transpose).collect()
     }
 

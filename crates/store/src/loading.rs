@@ -41,10 +41,11 @@ pub(crate) fn load(connection: &Connection, file: &Path) -> Result<Loaded, Store
     let version = schema::version(connection, file)?;
     let mut reading = Reading::new(connection);
     reading.findings.extend(schema::problems(connection, version).map_err(sqlite)?);
-    let loaded = reading.state();
+    let loaded = reading.state(version);
     reading.chain();
     if reading.findings.is_empty() {
-        let differing = reading.ledger.compare(connection).map_err(sqlite)?;
+        let tables = rows::state_of(version);
+        let differing = reading.ledger.compare(connection, tables).map_err(sqlite)?;
         reading.findings.extend(differing);
     }
     if let (Some((site, islands, versions)), true) = (loaded, reading.findings.is_empty()) {
@@ -111,7 +112,7 @@ impl<'a> Reading<'a> {
     }
 
     /// The state, when it makes sense.
-    pub fn state(&mut self) -> Option<State> {
+    pub fn state(&mut self, version: i64) -> Option<State> {
         let versions = self.rows(&rows::VERSIONS, rows::read_version);
         let mut site = Site { manifold: Manifold::new(), ..Site::default() };
         site.metadata = self.rows(&rows::METADATA, rows::read_metadata).into_iter().collect();
@@ -135,6 +136,12 @@ impl<'a> Reading<'a> {
         );
         if !follow {
             self.object(rows::TRAJECTORY.name, "rows are missing");
+        }
+        if version >= schema::WITH_OBSERVATIONS {
+            let blocks = self.numbered(&rows::OBSERVATIONS, rows::read_block);
+            if !blocks.into_iter().all(|block| site.observe(block).is_some()) {
+                self.object(rows::OBSERVATIONS.name, "scans that no trajectory has");
+            }
         }
         site.steps = self.numbered(&rows::STEPS, |row| {
             let step = rows::read_step(row)?;

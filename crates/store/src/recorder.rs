@@ -1,4 +1,5 @@
 use crate::error::StoreError;
+use crate::observations::{ObservationBlock, TakenScan};
 use crate::site::{RobotLog, Site, Step, TrackedScan};
 use crate::store::Store;
 use manifold::Change;
@@ -26,12 +27,14 @@ pub struct Recorder<S: Store> {
     store: S,
     commit_every: usize,
     waiting: Step,
+    /// Scans that wait to be packed together.
+    taken: Vec<(RobotId, usize, TakenScan)>,
 }
 
 impl<S: Store> Recorder<S> {
     /// Writes into a store, a step for every `commit_every` changes and scans or so.
     pub fn new(store: S, commit_every: usize) -> Self {
-        Recorder { store, commit_every, waiting: Step::default() }
+        Recorder { store, commit_every, waiting: Step::default(), taken: Vec::new() }
     }
 
     /// What is written, without what waits.
@@ -68,11 +71,18 @@ impl<S: Store> Recorder<S> {
         self.commit("scans", now_unix_ns)
     }
 
+    /// Takes scans as they were taken, by robot and place in its log; [`Recorder::record`] tells where
+    /// they were found.
+    pub fn keep(&mut self, scans: impl IntoIterator<Item = (RobotId, usize, TakenScan)>) {
+        self.taken.extend(scans);
+    }
+
     /// Writes what waits as a step.
     ///
     /// # Errors
     /// Those of [`Store::write`].
     pub fn commit(&mut self, note: &str, now_unix_ns: i64) -> Result<(), StoreError> {
+        self.waiting.observations.extend(blocks(std::mem::take(&mut self.taken)));
         let step = std::mem::take(&mut self.waiting);
         self.store.write(&Step { note: note.to_owned(), time_unix_ns: now_unix_ns, ..step })
     }
@@ -85,3 +95,28 @@ impl<S: Store> Recorder<S> {
         self.store.close()
     }
 }
+
+/// Scans that follow on one another, packed together. One that could not be had back bit by bit
+/// (more beams than any scanner has) is not kept: its place in the trajectory is.
+fn blocks(taken: Vec<(RobotId, usize, TakenScan)>) -> Vec<ObservationBlock> {
+    let mut blocks = Vec::new();
+    let mut rest = &taken[..];
+    while let Some(&(robot, first, _)) = rest.first() {
+        let follows = |(i, scan): &(usize, &(RobotId, usize, TakenScan))| {
+            scan.0 == robot && scan.1 == first + i && *i < SCANS_IN_A_BLOCK
+        };
+        let count = rest.iter().enumerate().take_while(follows).count();
+        let scans: Vec<TakenScan> = rest[..count].iter().map(|scan| scan.2.clone()).collect();
+        match ObservationBlock::pack(robot, first, &scans) {
+            Some(block) => blocks.push(block),
+            None => blocks.extend((first..).zip(&scans).filter_map(|(i, scan)| {
+                ObservationBlock::pack(robot, i, std::slice::from_ref(scan))
+            })),
+        }
+        rest = &rest[count..];
+    }
+    blocks
+}
+
+/// What is damaged costs no more scans than this.
+const SCANS_IN_A_BLOCK: usize = 256;

@@ -1,6 +1,8 @@
 //! What the tables' rows say: from the map's types to columns and back.
 
 use crate::cells::{CellReader, Cells};
+use crate::observations::ObservationBlock;
+use crate::schema::WITH_OBSERVATIONS;
 use crate::site::{RobotLog, StepSummary, TrackedScan};
 use crate::table::Table;
 use geometry::{GaussianPose2, Matrix2, Matrix3, Pose2, Vector2};
@@ -68,15 +70,37 @@ pub(crate) const TRAJECTORY: Table = Table {
         "odom_y_m", "odom_yaw_rad",
     ],
 };
+pub(crate) const OBSERVATIONS: Table = Table {
+    name: "observations",
+    key: 1,
+    columns: &["block", "robot", "first_scan", "scans", "data"],
+};
 pub(crate) const STEPS: Table = Table {
     name: "steps",
     key: 1,
     columns: &["step", "time_unix_ns", "note", "first_change", "changes", "scans"],
 };
 /// All tables of the state, in the order in which they are read.
-pub(crate) const STATE: [Table; 11] = [
-    VERSIONS, METADATA, ROBOTS, LOGS, SCANS, PATCHES, RELATIONS, WAYS, SIGHTINGS, TRAJECTORY, STEPS,
+pub(crate) const STATE: [Table; 12] = [
+    VERSIONS,
+    METADATA,
+    ROBOTS,
+    LOGS,
+    SCANS,
+    PATCHES,
+    RELATIONS,
+    WAYS,
+    SIGHTINGS,
+    TRAJECTORY,
+    STEPS,
+    OBSERVATIONS,
 ];
+
+/// The tables of a schema version.
+pub(crate) fn state_of(version: i64) -> &'static [Table] {
+    let newer = usize::from(version < WITH_OBSERVATIONS);
+    &STATE[..STATE.len() - newer]
+}
 
 fn coordinates(pose: &Pose2) -> [f64; 3] {
     [pose.x, pose.y, pose.yaw]
@@ -363,6 +387,23 @@ pub(crate) fn read_tracked(mut row: CellReader) -> Option<(RobotId, usize, Track
         odom_from_base: row.maybe_reals()?.map(pose),
     };
     row.end().map(|()| (robot, index, scan))
+}
+
+pub(crate) fn block_cells(index: usize, block: &ObservationBlock) -> Cells {
+    Cells::default()
+        .int(index as i64)
+        .int(block.robot.0)
+        .int(block.first_scan as i64)
+        .int(block.scans as i64)
+        .blob(block.data.to_vec())
+}
+
+pub(crate) fn read_block(mut row: CellReader) -> Option<(usize, ObservationBlock)> {
+    let index = row.int()?;
+    let robot = RobotId(row.int()?);
+    let (first_scan, scans) = (row.int()?, row.int()?);
+    let block = ObservationBlock { robot, first_scan, scans, data: row.blob()?.into() };
+    row.end().map(|()| (index, block))
 }
 
 pub(crate) fn step_cells(step: &StepSummary) -> Cells {

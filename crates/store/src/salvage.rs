@@ -74,6 +74,7 @@ impl Salvaged {
             changes: changes_of(&site.manifold),
             logs: site.logs.values().cloned().collect(),
             scans: site.trajectories.iter().enumerate().flat_map(of_robot).collect(),
+            observations: site.observations.clone(),
             metadata: site.metadata.clone().into_iter().collect(),
         };
         let mut store = SqliteStore::create(new, program)?;
@@ -94,6 +95,12 @@ fn findings(error: StoreError) -> Vec<Finding> {
 fn has_schema(connection: &Connection) -> bool {
     schema::problems(connection, 1)
         .is_ok_and(|found| !found.iter().any(|f| f.problem.ends_with(schema::MISSING)))
+}
+
+/// True when the table that the third version brought is there.
+fn has_observations(connection: &Connection) -> bool {
+    let sql = "SELECT count(*) FROM sqlite_schema WHERE name = ?";
+    connection.query_row(sql, [rows::OBSERVATIONS.name], |row| row.get(0)) == Ok(1)
 }
 
 /// The file in memory, with the first page of an empty file: tables begin at the same pages in all
@@ -117,8 +124,9 @@ fn image(file: &Path) -> Result<Connection, StoreError> {
 /// Takes what is whole.
 fn pick(connection: &Connection, file: &Path) -> Result<Salvaged, StoreError> {
     let mut reading = Reading::new(connection);
-    let state = reading.state();
-    let differing = reading.ledger.compare_state(connection);
+    let version = if has_observations(connection) { schema::WITH_OBSERVATIONS } else { 1 };
+    let state = reading.state(version);
+    let differing = reading.ledger.compare_state(connection, rows::state_of(version));
     let state_is_whole = reading.findings.is_empty() && differing.as_ref().is_ok_and(Vec::is_empty);
     let mut found = std::mem::take(&mut reading.findings);
     found.extend(differing.unwrap_or_default());
@@ -130,6 +138,7 @@ fn pick(connection: &Connection, file: &Path) -> Result<Salvaged, StoreError> {
     let expected = read_digest(connection, crate::ledger::CHANGES).ok().flatten();
     if let (Some((site, ..)), true) = (state, state_is_whole) {
         let mut salvaged = Salvaged { site, ..Salvaged::default() };
+        salvaged.count_observations(connection);
         if expected != Some(reading.ledger.journal) {
             let what = format!("history from change {known} on; the map itself is whole");
             salvaged.lose("changes", &what);
@@ -210,8 +219,23 @@ impl Salvaged {
             kept += usize::from(self.site.track(robot, place, scan).is_some());
         }
         self.count(connection, &rows::TRAJECTORY, kept);
+        if has_observations(connection) {
+            for (_, block) in reading.rows(&rows::OBSERVATIONS, rows::read_block) {
+                // A block whose scans are lost is lost with them.
+                let _ = self.site.observe(block);
+            }
+        }
+        self.count_observations(connection);
         self.site.steps = reading.rows(&rows::STEPS, rows::read_step);
         self.count(connection, &rows::STEPS, self.site.steps.len());
+    }
+
+    /// Files of older versions have none, and nothing is lost.
+    fn count_observations(&mut self, connection: &Connection) {
+        let known = read_digest(connection, rows::OBSERVATIONS.name).ok().flatten();
+        if has_observations(connection) || known.is_some() {
+            self.count(connection, &rows::OBSERVATIONS, self.site.observations.len());
+        }
     }
 
     /// Compares with how many rows there should be.

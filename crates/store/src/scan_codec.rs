@@ -25,17 +25,19 @@ const CLASSES: [BeamClass; 4] =
 /// `None` when the scan could not be had back bit by bit: too many beams, or ranges that its own
 /// limits do not allow.
 pub(crate) fn pack(scan: &Scan) -> Option<Vec<u8>> {
+    let plain = encode_exactly(scan)?;
+    let mut packed = Vec::new();
+    DeflateEncoder::new(&plain[..], Compression::best()).read_to_end(&mut packed).ok()?;
+    Some(packed)
+}
+
+/// The bytes before they are deflated; `None` when the scan could not be had back bit by bit.
+pub(crate) fn encode_exactly(scan: &Scan) -> Option<Vec<u8>> {
     if scan.len() > MAX_BEAMS {
         return None;
     }
     let plain = encode(scan);
-    let back = decode(&plain)?;
-    if encode(&back) != plain || !same_bits(scan, &back) {
-        return None;
-    }
-    let mut packed = Vec::new();
-    DeflateEncoder::new(&plain[..], Compression::best()).read_to_end(&mut packed).ok()?;
-    Some(packed)
+    same_bits(scan, &decode(&plain)?).then_some(plain)
 }
 
 /// `None` when the bytes are not a packed scan.
@@ -80,7 +82,8 @@ fn encode(scan: &Scan) -> Vec<u8> {
     bytes
 }
 
-fn decode(mut plain: &[u8]) -> Option<Scan> {
+/// `None` when the bytes are not those of a scan.
+pub(crate) fn decode(mut plain: &[u8]) -> Option<Scan> {
     let bytes = &mut plain;
     let beams = usize::try_from(read_varint(bytes)?).ok().filter(|n| *n <= MAX_BEAMS)?;
     let laser = LaserModel {

@@ -3,7 +3,7 @@
 use crate::error::{Finding, StoreError};
 use crate::loading::Loaded;
 use crate::places;
-use crate::rows::{VERSIONS, version_cells};
+use crate::rows::{OBSERVATIONS, VERSIONS, version_cells};
 use rusqlite::{Connection, OptionalExtension};
 use std::path::Path;
 use std::sync::OnceLock;
@@ -11,15 +11,17 @@ use std::sync::OnceLock;
 /// Marks the file as ours (SQLite's header, bytes 68 to 71): `MfSL`.
 pub(crate) const APPLICATION_ID: u32 = u32::from_be_bytes(*b"MfSL");
 /// Schema version of the files written by this program.
-pub const SCHEMA_VERSION: i64 = 2;
+pub const SCHEMA_VERSION: i64 = 3;
 /// Bytes of a page. All files have the same, so that a damaged header can be replaced.
 pub(crate) const PAGE_SIZE: u32 = 4096;
 
 /// What each version added to the one before; the first makes a file out of nothing.
 const SQL: [&str; SCHEMA_VERSION as usize] =
-    [include_str!("schema-1.sql"), include_str!("schema-2.sql")];
+    [include_str!("schema-1.sql"), include_str!("schema-2.sql"), include_str!("schema-3.sql")];
 /// The version that brought `patch_places`.
 pub(crate) const WITH_PLACES: i64 = 2;
+/// The version that brought `observations`.
+pub(crate) const WITH_OBSERVATIONS: i64 = 3;
 
 /// Brings a database from one version to the newest; the caller holds the transaction.
 pub(crate) fn migrate(
@@ -33,6 +35,9 @@ pub(crate) fn migrate(
         loaded.ledger.put(connection, &VERSIONS, &version_cells(version, program))?;
         connection.pragma_update(None, "user_version", version)?;
         loaded.versions.push((version, program.to_owned()));
+        if version == WITH_OBSERVATIONS {
+            loaded.ledger.begin(&OBSERVATIONS);
+        }
         if version == WITH_PLACES {
             for (patch, island) in loaded.site.manifold.patches().iter().zip(&loaded.islands) {
                 places::put(connection, patch, *island)?;

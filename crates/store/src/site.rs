@@ -1,3 +1,4 @@
+use crate::observations::{ObservationBlock, TakenScan};
 use geometry::Pose2;
 use manifold::{Change, Manifold, ManifoldError, PatchId};
 use sensing::{RobotId, Stamp};
@@ -12,6 +13,8 @@ pub struct Site {
     pub logs: BTreeMap<RobotId, RobotLog>,
     /// For every robot its scans in the log's order.
     pub trajectories: Vec<Vec<TrackedScan>>,
+    /// What of the scans is stored beside the trajectories, in the order it was written.
+    pub observations: Vec<ObservationBlock>,
     /// Free entries: the program's version, the configuration, whether mapping was finished.
     pub metadata: BTreeMap<String, String>,
     /// What was written, step by step.
@@ -64,6 +67,8 @@ pub struct Step {
     /// Scans by robot and place in its log: the next place adds one, a place known before replaces
     /// what is there.
     pub scans: Vec<(RobotId, usize, TrackedScan)>,
+    /// Scans as they were taken; their places in the trajectories are known then.
+    pub observations: Vec<ObservationBlock>,
     /// Metadata to be set.
     pub metadata: Vec<(String, String)>,
 }
@@ -74,6 +79,7 @@ impl Step {
         self.changes.is_empty()
             && self.logs.is_empty()
             && self.scans.is_empty()
+            && self.observations.is_empty()
             && self.metadata.is_empty()
     }
 }
@@ -124,6 +130,9 @@ impl Site {
         for (robot, index, scan) in &step.scans {
             self.track(*robot, *index, scan.clone()).ok_or(ManifoldError::OutOfOrder)?;
         }
+        for block in &step.observations {
+            self.observe(block.clone()).ok_or(ManifoldError::OutOfOrder)?;
+        }
         self.metadata.extend(step.metadata.iter().cloned());
         Ok(())
     }
@@ -138,6 +147,31 @@ impl Site {
             *scans.get_mut(index)? = scan;
         }
         Some(())
+    }
+}
+
+impl Site {
+    /// Adds a block; `None` when its robot has no such scans.
+    pub(crate) fn observe(&mut self, block: ObservationBlock) -> Option<()> {
+        let known = self.trajectories.get(usize::from(block.robot.0))?.len();
+        let end = block.first_scan.checked_add(block.scans).filter(|end| *end <= known);
+        end.map(|_| self.observations.push(block))
+    }
+
+    /// A robot's scans as they were taken, by place in its log: those that the file holds, with
+    /// their patches' scans filled in.
+    pub fn taken(&self, robot: RobotId) -> Vec<Option<TakenScan>> {
+        let tracked = self.trajectories.get(usize::from(robot.0)).map_or(&[][..], Vec::as_slice);
+        let mut all = vec![None; tracked.len()];
+        for block in self.observations.iter().filter(|block| block.robot == robot) {
+            let scans = block.unpack().unwrap_or_default();
+            for (place, mut taken) in (block.first_scan..).zip(scans) {
+                let Some(scan) = tracked.get(place) else { continue };
+                taken.scan.get_or_insert_with(|| self.manifold.patch(scan.patch).scan.clone());
+                all[place] = Some(taken);
+            }
+        }
+        all
     }
 }
 

@@ -29,6 +29,7 @@ pub(crate) fn prepare(
 ) -> Result<Prepared, StoreError> {
     let scans = pack_scans(file, step)?;
     let map = &loaded.site.manifold;
+    let observed = loaded.site.observations.len();
     let noted = (map.ways().len(), map.sightings().len());
     loaded
         .site
@@ -57,6 +58,12 @@ pub(crate) fn prepare(
     let (patches, relations) = touched(loaded, step);
     rows.extend(map_rows(loaded, step, &patches, &relations, noted));
     rows.extend(site_rows(loaded, step));
+    let blocks = &loaded.site.observations[observed..];
+    rows.extend(
+        (observed..)
+            .zip(blocks)
+            .map(|(i, block)| (rows::OBSERVATIONS, rows::block_cells(i, block))),
+    );
     rows.push((rows::STEPS, rows::step_cells(&summary)));
     let numbers = rows.iter().map(|(table, cells)| (table.name, cells));
     let in_changes = changes.iter().map(|(_, cells)| ("changes", cells));

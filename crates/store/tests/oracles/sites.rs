@@ -5,7 +5,9 @@ use manifold::{
     Climb, Elevation, Manifold, Patch, PatchId, PatchSighting, Provenance, RelationId, Retraction,
     Way,
 };
-use manifoldslam_store::{RobotLog, Site, Step, TrackedScan, same_map};
+use manifoldslam_store::{
+    ObservationBlock, RobotLog, Site, Step, TakenScan, TrackedScan, same_map,
+};
 use sensing::{Attitude, LandmarkKind, LaserModel, RobotId, Scan, Sighting, Stamp, Sweep, Twist};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -126,6 +128,18 @@ pub fn some_tracked(index: usize, patch: PatchId) -> TrackedScan {
     }
 }
 
+/// A scan as it was taken; every other is its patch's own.
+pub fn some_taken(index: usize, robot: RobotId) -> TakenScan {
+    let patch = some_patch(index + 11, robot);
+    TakenScan {
+        found: some_pose(index + 8),
+        base_from_laser: patch.base_from_laser,
+        sweep: patch.sweep,
+        attitude: patch.attitude,
+        scan: index.is_multiple_of(2).then_some(patch.scan),
+    }
+}
+
 /// The `number`-th step of a long story: the same for the same map before it.
 ///
 /// Robots join now and then; every step adds a patch with a relation and two scans; some propose,
@@ -140,8 +154,10 @@ pub fn next_step(map: &mut Manifold, scans: &mut [usize; 3], number: usize) -> S
     }
     let robot = RobotId((number % map.robots().len()) as u16);
     let patch = map.add_patch(some_patch(map.patches().len(), robot));
+    let index = &mut scans[usize::from(robot.0)];
+    let taken = [some_taken(*index, robot), some_taken(*index + 1, robot)];
+    step.observations.extend(ObservationBlock::pack(robot, *index, &taken));
     for _ in 0..2 {
-        let index = &mut scans[usize::from(robot.0)];
         step.scans.push((robot, *index, some_tracked(*index, patch)));
         *index += 1;
     }
@@ -199,6 +215,7 @@ pub fn site_of(steps: &[Step]) -> Site {
                 None => scans.push(scan.clone()),
             }
         }
+        site.observations.extend(step.observations.iter().cloned());
         site.metadata.extend(step.metadata.iter().cloned());
     }
     site
@@ -210,5 +227,6 @@ pub fn assert_same(found: &Site, expected: &Site) {
     assert_eq!(found.manifold.islands(), expected.manifold.islands());
     assert_eq!(found.logs, expected.logs);
     assert_eq!(format!("{:?}", found.trajectories), format!("{:?}", expected.trajectories));
+    assert_eq!(found.observations, expected.observations);
     assert_eq!(found.metadata, expected.metadata);
 }
