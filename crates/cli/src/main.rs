@@ -19,7 +19,7 @@ mod result;
 mod result_folder;
 mod scoring;
 mod site_info;
-mod team;
+mod site_writer;
 mod terminal;
 
 use clap::Parser;

@@ -1,11 +1,11 @@
 use crate::config::Config;
 use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
 use crate::islands::{map_file, title};
-use crate::mapping::pose_graph;
-use crate::metrics::Metrics;
+use crate::mapping::{MappedTeam, pose_graph};
+use crate::metrics::{Afterwards, Metrics};
 use crate::report::report;
-use crate::result_folder::{METRICS, ResultFolder};
-use crate::team::MappedTeam;
+use crate::result_folder::{CONFIG, METRICS, ResultFolder};
+use crate::site_writer::SiteWriter;
 use anyhow::Result;
 use geometry::Pose2;
 use logs::write_tum;
@@ -51,12 +51,14 @@ impl Drawn {
     }
 }
 
-/// Writes everything a result folder holds and gives it its name.
+/// Writes everything a result folder holds, its figures last, and gives it its name. The manifold
+/// file is closed when all else is written.
 pub fn write_result(
     folder: ResultFolder,
     mapped: &MappedTeam,
     config: &Config,
     start: Instant,
+    site: SiteWriter,
 ) -> Result<Metrics> {
     let rendering = Instant::now();
     let mut drawn = Vec::new();
@@ -74,16 +76,36 @@ pub fn write_result(
     logs::g2o::write_g2o(&mut g2o, &pose_graph(mapped.team.manifold())?)?;
     folder.write("graph.g2o", &g2o)?;
     folder.write("patches.csv", patches_csv(mapped).as_bytes())?;
-    folder.write("config.toml", config.to_toml().as_bytes())?;
+    folder.write(CONFIG, config.to_toml().as_bytes())?;
     let rendering = rendering.elapsed();
-
+    let writing = Instant::now();
+    site.close()?;
+    let after = Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() };
     let frames: Vec<_> = drawn.iter().map(|island| *island.grid.frame()).collect();
-    let metrics = Metrics::new(mapped, &frames, rendering, start.elapsed());
+    let metrics = Metrics::new(mapped, &frames, &after);
     let html = report(mapped, &drawn, &metrics, config)?;
     folder.write("report.html", html.as_bytes())?;
     folder.write(METRICS, &serde_json::to_vec_pretty(&metrics)?)?;
     folder.commit()?;
     Ok(metrics)
+}
+
+/// The figures alone, where there is no result folder. Closes the manifold file.
+pub fn figures(
+    mapped: &MappedTeam,
+    config: &Config,
+    start: Instant,
+    site: SiteWriter,
+) -> Result<Metrics> {
+    let rendering = Instant::now();
+    let islands = 0..mapped.islands.islands.len();
+    let frame = |k| Ok(*Drawn::new(mapped, k, config)?.grid.frame());
+    let frames: Vec<_> = islands.map(frame).collect::<Result<_>>()?;
+    let rendering = rendering.elapsed();
+    let writing = Instant::now();
+    site.close()?;
+    let after = Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() };
+    Ok(Metrics::new(mapped, &frames, &after))
 }
 
 fn write_map(
@@ -117,7 +139,8 @@ fn patches_csv(mapped: &MappedTeam) -> String {
         // A robot's patches keep their order among the team's.
         let scan = robot.patch_scans[next[k]];
         next[k] += 1;
-        let island = mapped.islands.index(patch.id) + 1;
+        let island =
+            mapped.islands.index(patch.id).map_or_else(String::new, |k| (k + 1).to_string());
         let (stamp, name) = (&robot.stamps[scan], csv_field(&robot.name));
         let _ = writeln!(text, "{},{scan},{stamp},{name},{island}", patch.id.0);
     }

@@ -1,9 +1,12 @@
 //! What is in a manifold file, in figures.
 
+use crate::mapping::MERGES;
+use crate::metrics::merge_text;
 use crate::terminal::{counted, grouped};
-use manifold::{Manifold, PatchId, RelationState};
+use manifold::{Manifold, PatchId, Provenance, Relation, RelationState, Retraction};
 use sensing::LandmarkKind;
 use serde::Serialize;
+use slam::Merge;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
@@ -32,10 +35,12 @@ pub struct SiteInfo {
     islands: Vec<IslandInfo>,
     /// By provenance.
     relations: BTreeMap<&'static str, RelationCounts>,
-    provisional: Vec<ProvisionalInfo>,
+    provisional: Vec<RelationInfo>,
     ways: usize,
     sightings: BTreeMap<&'static str, usize>,
     last_steps: Vec<StepInfo>,
+    /// What joins patches, where it is asked for.
+    pub listed: Option<Vec<RelationInfo>>,
     /// What `--verify` found.
     pub findings: Option<Vec<String>>,
 }
@@ -81,11 +86,49 @@ struct RelationCounts {
 }
 
 #[derive(Serialize)]
-struct ProvisionalInfo {
+pub struct RelationInfo {
     relation: u32,
     from_patch: u32,
     to_patch: u32,
+    robots: [String; 2],
     provenance: &'static str,
+    state: RelationState,
+}
+
+impl RelationInfo {
+    fn new(map: &Manifold, r: &Relation) -> Self {
+        let robot = |patch| map.robots()[usize::from(map.patch(patch).robot.0)].name.to_string();
+        RelationInfo {
+            relation: r.id.0,
+            from_patch: r.from.0,
+            to_patch: r.to.0,
+            robots: [robot(r.from), robot(r.to)],
+            provenance: provenance_name(r.provenance),
+            state: r.state,
+        }
+    }
+
+    /// What joins patches beside the robots' own ways.
+    pub fn all(map: &Manifold) -> Vec<Self> {
+        let relations = map.relations().iter().filter(|r| r.provenance != Provenance::Sequential);
+        relations.map(|r| RelationInfo::new(map, r)).collect()
+    }
+
+    fn to_text(&self) -> String {
+        let (from, to) = (self.from_patch, self.to_patch);
+        let [one, other] = &self.robots;
+        let state = match self.state {
+            RelationState::Active => "active",
+            RelationState::Provisional => "provisional",
+            RelationState::Retracted(Retraction::Contradicted) => "retracted: contradicted",
+            RelationState::Retracted(Retraction::ByUser) => "retracted by the user",
+            RelationState::Retracted(Retraction::BadData) => "retracted: bad data",
+        };
+        format!(
+            "{} {}, {state}: patches {from} of {one} and {to} of {other}",
+            self.provenance, self.relation
+        )
+    }
 }
 
 #[derive(Serialize)]
@@ -118,19 +161,19 @@ impl SiteInfo {
             robots: robots(read),
             islands: map.islands().iter().map(|island| IslandInfo::new(map, island)).collect(),
             relations: relation_counts(map),
-            provisional: provisional
-                .map(|r| ProvisionalInfo {
-                    relation: r.id.0,
-                    from_patch: r.from.0,
-                    to_patch: r.to.0,
-                    provenance: provenance_name(r.provenance),
-                })
-                .collect(),
+            provisional: provisional.map(|r| RelationInfo::new(map, r)).collect(),
             ways: map.ways().len(),
             sightings,
             last_steps: site.steps.iter().rev().take(LAST_STEPS).rev().map(StepInfo::new).collect(),
+            listed: None,
             findings: None,
         }
+    }
+
+    /// Merges that the last run made or considered.
+    fn merges(&self) -> Vec<Merge> {
+        let merges = self.metadata.get(MERGES);
+        merges.and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default()
     }
 
     /// For people.
@@ -146,21 +189,24 @@ impl SiteInfo {
         let mut line = |what: String| {
             let _ = write!(text, "\n  {what}");
         };
-        let short = |value: &&String| value.len() <= SHOWN && !value.contains('\n');
-        for (key, value) in &self.metadata {
-            line(format!("{key}: {}", Some(value).filter(short).map_or("(see --json)", |v| v)));
+        // Longer ones are for programs.
+        let short = |value: &String| value.len() <= SHOWN && !value.contains(['\n', '[', '{']);
+        for (key, value) in self.metadata.iter().filter(|(_, value)| short(value)) {
+            line(format!("{key}: {value}"));
         }
         self.robots.iter().for_each(|robot| line(robot.to_text()));
         self.islands.iter().for_each(|island| line(island.to_text()));
+        for merge in self.merges() {
+            line(merge_text(&merge));
+        }
         for (provenance, counts) in &self.relations {
             line(format!(
                 "relations, {provenance}: {} active, {} provisional, {} retracted",
                 counts.active, counts.provisional, counts.retracted
             ));
         }
-        for p in &self.provisional {
-            let (from, to) = (p.from_patch, p.to_patch);
-            line(format!("provisional: {} {}, patches {from} and {to}", p.provenance, p.relation));
+        for relation in self.listed.as_ref().unwrap_or(&self.provisional) {
+            line(relation.to_text());
         }
         for (kind, count) in &self.sightings {
             line(format!("seen: {kind}, {}", counted(*count as u64, "time")));

@@ -11,6 +11,8 @@ mod benchmark;
 mod commands;
 #[path = "oracles/cut.rs"]
 mod cut;
+#[path = "oracles/editing.rs"]
+mod editing;
 #[path = "oracles/scores.rs"]
 mod scores;
 #[path = "oracles/sites.rs"]

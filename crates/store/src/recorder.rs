@@ -52,6 +52,17 @@ impl<S: Store> Recorder<S> {
         self.waiting.metadata.push((key.to_owned(), value.to_owned()));
     }
 
+    /// Takes what belongs into one step however large it is: nothing is written before
+    /// [`Recorder::commit`].
+    pub fn add(
+        &mut self,
+        changes: impl IntoIterator<Item = Change>,
+        scans: impl IntoIterator<Item = (RobotId, usize, TrackedScan)>,
+    ) {
+        self.waiting.changes.extend(changes);
+        self.waiting.scans.extend(scans);
+    }
+
     /// Takes changes in the order they happened, and scans by robot and place in its log, which may
     /// hang on patches of these changes. `now_unix_ns` is nanoseconds since 1970.
     ///
@@ -63,16 +74,15 @@ impl<S: Store> Recorder<S> {
         scans: impl IntoIterator<Item = (RobotId, usize, TrackedScan)>,
         now_unix_ns: i64,
     ) -> Result<(), StoreError> {
-        self.waiting.changes.extend(changes);
-        self.waiting.scans.extend(scans);
+        self.add(changes, scans);
         if self.waiting.changes.len() + self.waiting.scans.len() < self.commit_every {
             return Ok(());
         }
         self.commit("scans", now_unix_ns)
     }
 
-    /// Takes scans as they were taken, by robot and place in its log; [`Recorder::record`] tells where
-    /// they were found.
+    /// Takes scans as they were taken, by robot and place in its log; [`Recorder::record`] tells
+    /// where they were found.
     pub fn keep(&mut self, scans: impl IntoIterator<Item = (RobotId, usize, TakenScan)>) {
         self.taken.extend(scans);
     }

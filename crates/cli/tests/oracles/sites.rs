@@ -66,7 +66,7 @@ fn info_tells_what_is_in_a_manifold_file() {
         "log bert.clf, joined 2023-11-14 22:13:20 UTC",
         "island 3: 3 patches of bert",
         "relations, sequential: 4 active",
-        "provisional: merge 4, patches 2 and 3",
+        "merge 4, provisional: patches 2 of anna and 3 of bert",
         "step 0, 1970-01-01 00:00:00 UTC: two: 13 changes",
         "verified",
     ] {
