@@ -1,6 +1,6 @@
 use super::evidence::{Evidence, examine};
 use super::places::PlaceIndex;
-use super::recognition::{PlaceMatch, recognise};
+use super::recognition::{PlaceMatch, Recognition};
 use super::sets::agreeing_sets;
 use super::{EvidenceCounts, Link, Proposal};
 use crate::SlamConfig;
@@ -41,26 +41,44 @@ const SAME_RAD: f64 = 0.15;
 /// Place recognition between islands: matches are found once, and grouped anew as islands join.
 pub(super) struct GeometricMerging {
     index: PlaceIndex,
+    recognition: Recognition,
     matches: Vec<PlaceMatch>,
-    /// Comparisons made.
-    pub tried: usize,
     /// See [`USUALLY_THROUGH`].
     usually_through: f64,
 }
 
 impl GeometricMerging {
-    /// Compares the places of all islands.
+    /// Finds places on all islands; none is compared yet.
     pub fn new(map: &Map, config: &SlamConfig) -> Self {
         let islands = map.manifold.component_map();
         let spacing_m = config.merging.spacing_m;
         let index = PlaceIndex::new(map, &islands, &config.submap, spacing_m);
-        let (matches, tried) = recognise(map, &index, config);
+        let recognition = Recognition::new(map, &index, &config.merging);
         let usually_through = usually_through(map, config);
-        GeometricMerging { index, matches, tried, usually_through }
+        GeometricMerging { index, recognition, matches: Vec::new(), usually_through }
     }
 
-    /// How the islands may lie to each other, for every pair that has matches.
-    pub fn propose(&self, map: &Map, islands: &Islands, config: &SlamConfig) -> Vec<Proposal> {
+    /// Compares more places of islands that are still apart; false when all were compared.
+    pub fn look(&mut self, map: &Map, islands: &Islands, config: &SlamConfig) -> bool {
+        let found = self.recognition.next_pass(map, islands, config);
+        self.matches.extend(found.iter().flatten());
+        found.is_some()
+    }
+
+    /// Comparisons made.
+    pub fn tried(&self) -> usize {
+        self.recognition.tried
+    }
+
+    /// How the islands may lie to each other, for every pair that has matches and of which one at
+    /// least is new.
+    pub fn propose(
+        &self,
+        map: &Map,
+        islands: &Islands,
+        is_new: impl Fn(usize) -> bool,
+        config: &SlamConfig,
+    ) -> Vec<Proposal> {
         let grid = PatchGrid::new(map, islands, GRID_M);
         let mut places: Vec<Vec<PatchId>> = vec![Vec::new(); islands.members.len()];
         for place in &self.index.places {
@@ -70,7 +88,7 @@ impl GeometricMerging {
         for m in &self.matches {
             let m = larger_first(*m, islands);
             let (target, source) = (islands.of(m.from), islands.of(m.to));
-            if target != source {
+            if target != source && (is_new(target) || is_new(source)) {
                 pairs.entry((target, source)).or_default().push(m);
             }
         }

@@ -2,7 +2,7 @@ use super::by_geometry::GeometricMerging;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
 use crate::map::Map;
-use crate::refit::{doubt_relations, optimise_relations};
+use crate::refit::{doubt_relations, optimise_islands};
 use manifold::{Islands, PatchId, Provenance, RelationId, Retraction};
 use std::collections::BTreeSet;
 
@@ -25,44 +25,74 @@ const WORTH_TELLING: f64 = 0.1;
 const MOST_PROVISIONAL: usize = 10;
 
 impl Merger {
-    /// Joins islands as long as the evidence suffices. In every round each island takes part in one
-    /// merge at most, the surest first; what joined is looked at anew, as one island has more to
-    /// compare than its parts.
+    /// Joins islands as long as the evidence suffices. Where nothing joins any more further places
+    /// are compared.
     pub fn run(&mut self, map: &mut Map, config: &SlamConfig) {
-        let geometry = GeometricMerging::new(map, config);
-        self.tried += geometry.tried;
-        loop {
-            let islands = map.manifold.component_map();
-            let mut proposals = geometry.propose(map, &islands, config);
-            proposals.retain(|p| !taken_back_by_user(map, &islands, p));
-            proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
-            if !self.join_surest(map, &islands, &proposals, config) {
-                self.put_on_record(map, &islands, &proposals);
-                break;
-            }
-            self.contradicted += optimise_relations(map, config).len();
-            self.optimisations += 1;
-            // Where all that was joined has come apart again, nothing new is to be learnt.
-            if map.manifold.component_map().members.len() == islands.members.len() {
-                break;
-            }
+        let mut geometry = GeometricMerging::new(map, config);
+        let mut islands = map.manifold.component_map();
+        let mut left = Vec::new();
+        while islands.members.len() > 1 && geometry.look(map, &islands, config) {
+            left = self.join_all(map, &mut islands, &geometry, config);
         }
+        self.tried += geometry.tried();
+        self.put_on_record(map, &islands, &left);
         // A merge whose relations were all found wrong is none.
         let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
-    /// Joins islands whose proposals are sure enough; true if any were.
+    /// Joins islands by what was compared so far; the proposals that are left. In every round each
+    /// island takes part in one merge at most, the surest first; what joined is looked at anew, as
+    /// one island has more to compare than its parts.
+    fn join_all(
+        &mut self,
+        map: &mut Map,
+        islands: &mut Islands,
+        geometry: &GeometricMerging,
+        config: &SlamConfig,
+    ) -> Vec<Proposal> {
+        let mut proposals: Vec<Proposal> = Vec::new();
+        let mut new: BTreeSet<usize> = (0..islands.members.len()).collect();
+        loop {
+            let is_new = |island: usize| new.contains(&island);
+            proposals.retain(|p| p.ends(islands).is_some_and(|(a, b)| !is_new(a) && !is_new(b)));
+            let mut found = geometry.propose(map, islands, is_new, config);
+            found.retain(|p| !taken_back_by_user(map, islands, p));
+            proposals.extend(found);
+            let rank = |p: &Proposal| p.ends(islands);
+            proposals.sort_by(|a, b| {
+                a.false_bound.total_cmp(&b.false_bound).then_with(|| rank(a).cmp(&rank(b)))
+            });
+            let ends = self.join_surest(map, islands, &proposals, config);
+            if ends.is_empty() {
+                return proposals;
+            }
+            let before = islands.members.len();
+            *islands = map.manifold.component_map();
+            new = ends.iter().map(|&patch| islands.of(patch)).collect();
+            self.contradicted += optimise_islands(map, islands, &new, config).len();
+            self.optimisations += 1;
+            *islands = map.manifold.component_map();
+            // Where all that was joined has come apart again, nothing new is to be learnt.
+            if islands.members.len() == before {
+                return Vec::new();
+            }
+            new = ends.iter().map(|&patch| islands.of(patch)).collect();
+        }
+    }
+
+    /// Joins islands whose proposals are sure enough; returns patches of those that took part, or
+    /// none where no relation between them holds.
     fn join_surest(
         &mut self,
         map: &mut Map,
         islands: &Islands,
         proposals: &[Proposal],
         config: &SlamConfig,
-    ) -> bool {
+    ) -> Vec<PatchId> {
         let mut busy = BTreeSet::new();
         let sure = proposals.iter().filter(|p| p.false_bound <= config.merging.false_merges);
-        let mut any = false;
+        let (mut any, mut ends) = (false, Vec::new());
         for proposal in sure {
             let Some((target, source)) = proposal.ends(islands) else { continue };
             if busy.contains(&target) || busy.contains(&source) {
@@ -70,14 +100,17 @@ impl Merger {
             }
             busy.extend([target, source]);
             let relations = join(map, islands, proposal);
-            for id in doubt_relations(map, &relations) {
+            let mut island = [&islands.members[target][..], &islands.members[source]].concat();
+            island.sort_unstable();
+            for id in doubt_relations(map, &island, &relations) {
                 map.manifold.retract(id, Retraction::Contradicted);
                 self.contradicted += 1;
             }
             any |= relations.iter().any(|&id| map.manifold.relation(id).is_active());
+            ends.extend(proposal.links.iter().flat_map(|link| [link.from, link.to]));
             self.note(map, islands, proposal, relations, MergeState::Merged);
         }
-        any
+        if any { ends } else { Vec::new() }
     }
 
     /// Notes what is likely but not sure enough.
