@@ -112,8 +112,31 @@ impl Verifier {
         place_from_query: &Pose2,
         map: &Map,
     ) -> f64 {
-        let surroundings = self.surroundings(query, map);
         self.submap.rebuild(map, place, &self.limits, 1.0);
+        self.contradiction_at(query, place, place_from_query, map)
+    }
+
+    /// [`Verifier::contradiction`] in the submap of the place that was made ready last.
+    pub fn contradiction_in(
+        &mut self,
+        mut host: Host,
+        query: PatchId,
+        place: PatchId,
+        place_from_query: &Pose2,
+        map: &Map,
+    ) -> f64 {
+        self.lay(&mut host, map);
+        self.contradiction_at(query, place, place_from_query, map)
+    }
+
+    fn contradiction_at(
+        &mut self,
+        query: PatchId,
+        place: PatchId,
+        place_from_query: &Pose2,
+        map: &Map,
+    ) -> f64 {
+        let surroundings = self.surroundings(query, map);
         let refined = self.refine(&surroundings, place_from_query);
         let pose = if refined.status.is_usable() && is_near(&refined.pose, place_from_query) {
             refined.pose
@@ -159,14 +182,18 @@ impl Verifier {
         if found.is_empty() {
             return Vec::new();
         }
-        if !host.is_laid {
-            self.submap.lay(map, 1.0);
-            host.is_laid = true;
-        }
+        self.lay(host, map);
         let mut fits: Vec<MatchResult> =
             found.iter().map(|pose| self.refine(&surroundings, pose)).collect();
         fits.sort_by(|a, b| b.inlier_ratio.total_cmp(&a.inlier_ratio));
         fits
+    }
+
+    fn lay(&mut self, host: &mut Host, map: &Map) {
+        if !host.is_laid {
+            self.submap.lay(map, 1.0);
+            host.is_laid = true;
+        }
     }
 
     /// Line points of the query's own local submap, thinned, in the query's frame.

@@ -70,20 +70,14 @@ impl GeometricMerging {
         self.recognition.tried
     }
 
-    /// How the islands may lie to each other, for every pair that has matches and of which one at
-    /// least is new.
-    pub fn propose(
+    /// Pairs of islands whose matches agree, of which one at least is new.
+    pub fn pairs(
         &self,
         map: &Map,
         islands: &Islands,
         is_new: impl Fn(usize) -> bool,
         config: &SlamConfig,
-    ) -> Vec<Proposal> {
-        let grid = PatchGrid::new(map, islands, GRID_M);
-        let mut places: Vec<Vec<PatchId>> = vec![Vec::new(); islands.members.len()];
-        for place in &self.index.places {
-            places[islands.of(place.patch)].push(place.patch);
-        }
+    ) -> Vec<IslandPair> {
         let mut pairs: BTreeMap<(usize, usize), Vec<PlaceMatch>> = BTreeMap::new();
         for m in &self.matches {
             let m = larger_first(*m, islands);
@@ -92,18 +86,63 @@ impl GeometricMerging {
                 pairs.entry((target, source)).or_default().push(m);
             }
         }
-        let pairs: Vec<((usize, usize), Vec<PlaceMatch>)> = pairs.into_iter().collect();
-        let best = |((_, source), matches): &((usize, usize), Vec<PlaceMatch>)| {
-            let examined: Vec<(usize, Evidence)> =
-                agreeing_sets(map, matches, config.merging.least_agreeing)
-                    .iter()
-                    .map(|set| {
-                        (set.len(), examine(map, islands, set, &places[*source], &grid, config))
-                    })
-                    .collect();
+        let pairs: Vec<Vec<PlaceMatch>> = pairs.into_values().collect();
+        let agreeing = |matches: Vec<PlaceMatch>| {
+            let sets = agreeing_sets(map, &matches, config.merging.least_agreeing);
+            (!sets.is_empty()).then_some(IslandPair { matches, sets })
+        };
+        pairs.into_par_iter().filter_map(agreeing).collect()
+    }
+
+    /// How the islands of some pairs may lie to each other.
+    pub fn propose(
+        &self,
+        map: &Map,
+        islands: &Islands,
+        pairs: &[IslandPair],
+        config: &SlamConfig,
+    ) -> Vec<Proposal> {
+        let grid = PatchGrid::new(map, islands, GRID_M);
+        let mut places: Vec<Vec<PatchId>> = vec![Vec::new(); islands.members.len()];
+        for place in &self.index.places {
+            places[islands.of(place.patch)].push(place.patch);
+        }
+        let best = |pair: &IslandPair| {
+            let source = &places[pair.ends(islands).1];
+            let look =
+                |set: &Vec<_>| (set.len(), examine(map, islands, set, source, &grid, config));
+            let examined: Vec<(usize, Evidence)> = pair.sets.iter().map(look).collect();
             choose(map, examined, self.usually_through)
         };
         pairs.par_iter().filter_map(best).collect()
+    }
+}
+
+/// Two islands with their matches.
+pub(super) struct IslandPair {
+    /// All of them, from the target to the source.
+    matches: Vec<PlaceMatch>,
+    /// Those that agree, the largest set first; at least one.
+    sets: Vec<Vec<PlaceMatch>>,
+}
+
+impl IslandPair {
+    /// The indices of the two islands, target first.
+    pub fn ends(&self, islands: &Islands) -> (usize, usize) {
+        (islands.of(self.matches[0].from), islands.of(self.matches[0].to))
+    }
+
+    /// How many matches agree.
+    pub fn agreeing(&self) -> usize {
+        self.sets[0].len()
+    }
+
+    /// What tells the pair from another one: its matches.
+    pub fn key(&self) -> Vec<[PatchId; 2]> {
+        let mut key: Vec<_> =
+            self.matches.iter().map(|m| [m.from.min(m.to), m.from.max(m.to)]).collect();
+        key.sort_unstable();
+        key
     }
 }
 

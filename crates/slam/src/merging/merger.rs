@@ -1,3 +1,4 @@
+use super::agenda::{Agenda, firsts};
 use super::by_geometry::GeometricMerging;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
@@ -41,9 +42,7 @@ impl Merger {
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
-    /// Joins islands by what was compared so far; the proposals that are left. In every round each
-    /// island takes part in one merge at most, the surest first; what joined is looked at anew, as
-    /// one island has more to compare than its parts.
+    /// Joins islands by what was compared so far; the proposals that are left.
     fn join_all(
         &mut self,
         map: &mut Map,
@@ -51,54 +50,50 @@ impl Merger {
         geometry: &GeometricMerging,
         config: &SlamConfig,
     ) -> Vec<Proposal> {
-        let mut proposals: Vec<Proposal> = Vec::new();
-        let mut new: BTreeSet<usize> = (0..islands.members.len()).collect();
+        let mut agenda = Agenda::default();
+        agenda.add(geometry.pairs(map, islands, |_| true, config));
+        let mut unsure: Vec<Proposal> = Vec::new();
         loop {
-            let is_new = |island: usize| new.contains(&island);
-            proposals.retain(|p| p.ends(islands).is_some_and(|(a, b)| !is_new(a) && !is_new(b)));
-            let mut found = geometry.propose(map, islands, is_new, config);
-            found.retain(|p| !taken_back_by_user(map, islands, p));
-            proposals.extend(found);
-            let rank = |p: &Proposal| p.ends(islands);
-            proposals.sort_by(|a, b| {
-                a.false_bound.total_cmp(&b.false_bound).then_with(|| rank(a).cmp(&rank(b)))
-            });
-            let ends = self.join_surest(map, islands, &proposals, config);
-            if ends.is_empty() {
-                return proposals;
+            let pairs = agenda.next(islands);
+            if pairs.is_empty() {
+                return unsure;
             }
-            let before = islands.members.len();
+            let mut found = geometry.propose(map, islands, &pairs, config);
+            found.retain(|p| !taken_back_by_user(map, islands, p));
+            let is_sure = |p: &Proposal| p.false_bound <= config.merging.false_merges;
+            let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(is_sure);
+            unsure.extend(others);
+            if sure.is_empty() {
+                continue;
+            }
+            let ends = self.join(map, islands, &sure);
             *islands = map.manifold.component_map();
-            new = ends.iter().map(|&patch| islands.of(patch)).collect();
-            self.contradicted += optimise_islands(map, islands, &new, config).len();
+            let which = ends.iter().map(|&patch| islands.of(patch)).collect();
+            self.contradicted += optimise_islands(map, islands, &which, config).len();
             self.optimisations += 1;
             *islands = map.manifold.component_map();
-            // Where all that was joined has come apart again, nothing new is to be learnt.
-            if islands.members.len() == before {
-                return Vec::new();
-            }
-            new = ends.iter().map(|&patch| islands.of(patch)).collect();
+            let new: BTreeSet<usize> = ends.iter().map(|&patch| islands.of(patch)).collect();
+            let is_new = |island: usize| new.contains(&island);
+            let is_old = |(a, b): (usize, usize)| !is_new(a) && !is_new(b);
+            unsure.retain(|p| p.ends(islands).is_some_and(is_old));
+            agenda.forget(|pair| !is_old(pair.ends(islands)));
+            // What has come apart again is not tried another time.
+            let apart = |p: &Proposal| p.ends(islands).filter(|(a, b)| a != b).map(|ends| firsts(ends, islands));
+            agenda.refuse(sure.iter().filter_map(apart));
+            agenda.add(geometry.pairs(map, islands, is_new, config));
         }
     }
 
-    /// Joins islands whose proposals are sure enough; returns patches of those that took part, or
-    /// none where no relation between them holds.
-    fn join_surest(
+    /// Joins islands that are all different; returns patches of all of them.
+    fn join(
         &mut self,
         map: &mut Map,
         islands: &Islands,
         proposals: &[Proposal],
-        config: &SlamConfig,
     ) -> Vec<PatchId> {
-        let mut busy = BTreeSet::new();
-        let sure = proposals.iter().filter(|p| p.false_bound <= config.merging.false_merges);
-        let (mut any, mut ends) = (false, Vec::new());
-        for proposal in sure {
+        let mut ends = Vec::new();
+        for proposal in proposals {
             let Some((target, source)) = proposal.ends(islands) else { continue };
-            if busy.contains(&target) || busy.contains(&source) {
-                continue;
-            }
-            busy.extend([target, source]);
             let relations = join(map, islands, proposal);
             let mut island = [&islands.members[target][..], &islands.members[source]].concat();
             island.sort_unstable();
@@ -106,11 +101,11 @@ impl Merger {
                 map.manifold.retract(id, Retraction::Contradicted);
                 self.contradicted += 1;
             }
-            any |= relations.iter().any(|&id| map.manifold.relation(id).is_active());
+            ends.extend([islands.members[target][0], islands.members[source][0]]);
             ends.extend(proposal.links.iter().flat_map(|link| [link.from, link.to]));
             self.note(map, islands, proposal, relations, MergeState::Merged);
         }
-        if any { ends } else { Vec::new() }
+        ends
     }
 
     /// Notes what is likely but not sure enough.
