@@ -1,8 +1,9 @@
+use super::agenda::{Agenda, firsts};
 use super::by_geometry::GeometricMerging;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
 use crate::map::Map;
-use crate::refit::{doubt_relations, optimise_relations};
+use crate::refit::{doubt_relations, optimise_islands};
 use manifold::{Islands, PatchId, Provenance, RelationId, RelationState, Retraction};
 use std::collections::BTreeSet;
 
@@ -25,59 +26,83 @@ const WORTH_TELLING: f64 = 0.1;
 const MOST_PROVISIONAL: usize = 10;
 
 impl Merger {
-    /// Joins islands as long as the evidence suffices. In every round each island takes part in one
-    /// merge at most, the surest first; what joined is looked at anew, as one island has more to
-    /// compare than its parts.
+    /// Joins islands as long as the evidence suffices. Where nothing joins any more further places
+    /// are compared.
     pub fn run(&mut self, map: &mut Map, config: &SlamConfig) {
-        let geometry = GeometricMerging::new(map, config);
-        self.tried += geometry.tried;
-        loop {
-            let islands = map.manifold.component_map();
-            let mut proposals = geometry.propose(map, &islands, config);
-            proposals.retain(|p| !taken_back_by_user(map, &islands, p));
-            proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
-            if !self.join_surest(map, &islands, &proposals, config) {
-                self.put_on_record(map, &islands, &proposals);
-                break;
-            }
-            self.contradicted += optimise_relations(map, config).len();
-            self.optimisations += 1;
-            // Where all that was joined has come apart again, nothing new is to be learnt.
-            if map.manifold.component_map().members.len() == islands.members.len() {
-                break;
-            }
+        let mut geometry = GeometricMerging::new(map, config);
+        let mut islands = map.manifold.component_map();
+        let mut left = Vec::new();
+        while islands.members.len() > 1 && geometry.look(map, &islands, config) {
+            left = self.join_all(map, &mut islands, &geometry, config);
         }
+        self.tried += geometry.tried();
+        self.put_on_record(map, &islands, &left);
         // A merge whose relations were all found wrong is none.
         let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
-    /// Joins islands whose proposals are sure enough; true if any were.
-    fn join_surest(
+    /// Joins islands by what was compared so far; the proposals that are left.
+    fn join_all(
         &mut self,
         map: &mut Map,
-        islands: &Islands,
-        proposals: &[Proposal],
+        islands: &mut Islands,
+        geometry: &GeometricMerging,
         config: &SlamConfig,
-    ) -> bool {
-        let mut busy = BTreeSet::new();
-        let sure = proposals.iter().filter(|p| p.false_bound <= config.merging.false_merges);
-        let mut any = false;
-        for proposal in sure {
-            let Some((target, source)) = proposal.ends(islands) else { continue };
-            if busy.contains(&target) || busy.contains(&source) {
+    ) -> Vec<Proposal> {
+        let mut agenda = Agenda::default();
+        agenda.add(geometry.pairs(map, islands, |_| true, config));
+        let mut unsure: Vec<Proposal> = Vec::new();
+        loop {
+            let pairs = agenda.next(islands);
+            if pairs.is_empty() {
+                return unsure;
+            }
+            let mut found = geometry.propose(map, islands, &pairs, config);
+            found.retain(|p| !taken_back_by_user(map, islands, p));
+            let is_sure = |p: &Proposal| p.false_bound <= config.merging.false_merges;
+            let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(is_sure);
+            unsure.extend(others);
+            if sure.is_empty() {
                 continue;
             }
-            busy.extend([target, source]);
+            let ends = self.join(map, islands, &sure);
+            *islands = map.manifold.component_map();
+            let which = ends.iter().map(|&patch| islands.of(patch)).collect();
+            self.contradicted += optimise_islands(map, islands, &which, config).len();
+            self.optimisations += 1;
+            *islands = map.manifold.component_map();
+            let new: BTreeSet<usize> = ends.iter().map(|&patch| islands.of(patch)).collect();
+            let is_new = |island: usize| new.contains(&island);
+            let is_old = |(a, b): (usize, usize)| !is_new(a) && !is_new(b);
+            unsure.retain(|p| p.ends(islands).is_some_and(is_old));
+            agenda.forget(|pair| !is_old(pair.ends(islands)));
+            // What has come apart again is not tried another time.
+            let apart = |p: &Proposal| {
+                p.ends(islands).filter(|(a, b)| a != b).map(|ends| firsts(ends, islands))
+            };
+            agenda.refuse(sure.iter().filter_map(apart));
+            agenda.add(geometry.pairs(map, islands, is_new, config));
+        }
+    }
+
+    /// Joins islands that are all different; returns patches of all of them.
+    fn join(&mut self, map: &mut Map, islands: &Islands, proposals: &[Proposal]) -> Vec<PatchId> {
+        let mut ends = Vec::new();
+        for proposal in proposals {
+            let Some((target, source)) = proposal.ends(islands) else { continue };
             let relations = join(map, islands, proposal);
-            for id in doubt_relations(map, &relations) {
+            let mut island = [&islands.members[target][..], &islands.members[source]].concat();
+            island.sort_unstable();
+            for id in doubt_relations(map, &island, &relations) {
                 map.manifold.retract(id, Retraction::Contradicted);
                 self.contradicted += 1;
             }
-            any |= relations.iter().any(|&id| map.manifold.relation(id).is_active());
+            ends.extend([islands.members[target][0], islands.members[source][0]]);
+            ends.extend(proposal.links.iter().flat_map(|link| [link.from, link.to]));
             self.note(map, islands, proposal, relations, MergeState::Merged);
         }
-        any
+        ends
     }
 
     /// Notes what is likely but not sure enough.
