@@ -20,6 +20,7 @@ mod plausibility;
 mod preparation;
 mod recovery;
 mod refit;
+mod sightings;
 mod statistics;
 mod team;
 mod track;
@@ -29,6 +30,10 @@ pub use event::{Event, Stage, StageObserver, Unobserved};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
 pub use mapper::Mapper;
 pub use merging::MergingSettings;
+pub use merging::{
+    IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit, LandmarkSettings,
+    compare_landmarks,
+};
 pub use motion_model::OdometrySettings;
 pub use preparation::{Preparation, PreparedObservation};
 pub use refit::{RefitMethod, RefitSettings};

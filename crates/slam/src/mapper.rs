@@ -5,6 +5,7 @@ use crate::preparation::{Preparation, PreparedObservation};
 use crate::refit::{optimise_relations, refit, relocalise};
 use crate::statistics::Statistics;
 use crate::track::{ScanPose, ScanRecord};
+use crate::sightings::note_sightings;
 use crate::{ClosingStatistics, Event, SlamConfig, Stage, StageObserver, Unobserved};
 use geometry::{GaussianPose2, LieGroup, Pose2};
 use manifold::{Change, Manifold, PatchId, Provenance};
@@ -58,12 +59,14 @@ impl Mapper {
         observation.odom_from_base =
             observation.odom_from_base.filter(|odom| self.config.odometry.enabled && is_sane(odom));
         let odom_from_base = observation.odom_from_base;
+        let (stamp, sightings) = (observation.stamp, std::mem::take(&mut observation.sightings));
         let found = self
             .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
         self.count(&found);
+        note_sightings(&mut self.map, &found, stamp, &sightings);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
         let surface = Some(CompactPoints::new(&surface));
-        self.scans.push(ScanRecord { pose, odom_from_base, surface });
+        self.scans.push(ScanRecord { pose, stamp, odom_from_base, surface });
         if found.is_patch {
             self.close_loops(found.patch);
         }

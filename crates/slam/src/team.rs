@@ -1,5 +1,5 @@
 use crate::map::Map;
-use crate::merging::{Proposal, join};
+use crate::merging::{join, propose_by_landmarks};
 use crate::refit::{optimise_relations, refit, relocalise};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
@@ -118,16 +118,19 @@ impl Team {
         if !self.config.merging.enabled || self.map.manifold.component_map().members.len() < 2 {
             return;
         }
-        let mut proposals: Vec<Proposal> = Vec::new();
-        proposals.retain(|p| p.false_bound <= self.config.merging.false_merges);
-        proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
-        for proposal in &proposals {
+        loop {
             let islands = self.map.manifold.component_map();
-            if proposal.ends(&islands).is_some_and(|(target, source)| target != source) {
-                join(&mut self.map, &islands, proposal);
-            }
-        }
-        if !proposals.is_empty() {
+            let tracks: Vec<&[ScanRecord]> = self.tracks.iter().map(|t| &t.scans[..]).collect();
+            let proposals = propose_by_landmarks(&self.map, &islands, &tracks, &self.config);
+            let sure = proposals.iter().filter(|p| p.is_sure(&self.config.merging));
+            let Some(surest) = sure.min_by(|a, b| a.false_bound.total_cmp(&b.false_bound)) else {
+                for link in proposals.iter().flat_map(|p| &p.links) {
+                    let (from, to) = (link.from, link.to);
+                    self.map.manifold.propose(from, to, link.from_from_to, link.provenance);
+                }
+                return;
+            };
+            join(&mut self.map, &islands, surest);
             self.optimise();
         }
     }

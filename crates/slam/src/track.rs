@@ -1,6 +1,7 @@
 use geometry::Pose2;
 use manifold::{Manifold, PatchId};
 use matching::CompactPoints;
+use sensing::Stamp;
 
 /// Where a scan was taken: a pose relative to a patch, so that it moves with the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +23,7 @@ impl ScanPose {
 #[derive(Clone, Debug)]
 pub(crate) struct ScanRecord {
     pub pose: ScanPose,
+    pub stamp: Stamp,
     pub odom_from_base: Option<Pose2>,
     /// `None` for scans that were mapped on another day: they stay where they are on their patch.
     pub surface: Option<CompactPoints>,

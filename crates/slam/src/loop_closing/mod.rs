@@ -9,7 +9,7 @@ mod verification;
 
 use crate::SlamConfig;
 use crate::map::Map;
-use candidates::{Candidate, Candidates};
+use candidates::Candidates;
 use consistency::PendingClosures;
 use geometry::Pose2;
 use manifold::PatchId;
@@ -17,7 +17,9 @@ use matching::MatchResult;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Add;
-use verification::Verifier;
+
+pub(crate) use candidates::{Candidate, SearchArea};
+pub(crate) use verification::Verifier;
 
 /// Loop closing by geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

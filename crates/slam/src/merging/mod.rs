@@ -1,5 +1,13 @@
 //! Joining islands where evidence says how they lie to each other (thesis 5.4.4).
 
+mod landmarks;
+
+pub(crate) use landmarks::{carried, propose_by_landmarks};
+pub use landmarks::{
+    IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit, LandmarkSettings,
+    compare_landmarks,
+};
+
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2};
 use manifold::{Islands, PatchId, Provenance};
@@ -14,11 +22,13 @@ pub struct MergingSettings {
     /// Islands are joined only when the chance that this is wrong is bounded by so much; what falls
     /// short is put on record as provisional.
     pub false_merges: f64,
+    /// Joining them by landmarks, and closing loops by them.
+    pub landmarks: LandmarkSettings,
 }
 
 impl Default for MergingSettings {
     fn default() -> Self {
-        MergingSettings { enabled: true, false_merges: 1e-4 }
+        MergingSettings { enabled: true, false_merges: 1e-4, landmarks: LandmarkSettings::default() }
     }
 }
 

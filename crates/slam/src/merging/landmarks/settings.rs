@@ -1,0 +1,44 @@
+use serde::{Deserialize, Serialize};
+
+/// Closing loops and joining islands by landmarks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LandmarkSettings {
+    /// Use landmarks.
+    pub enabled: bool,
+    /// Share of ids that do not mean the same thing on both islands: read wrong, occurring twice,
+    /// moved.
+    pub wrong_ids: f64,
+    /// Islands are joined by landmarks when the chance that this is wrong is bounded by so much.
+    /// Two landmarks alone cannot do much better, see docs/math/landmarks.md; three can.
+    pub false_merges: f64,
+    /// The robots' clocks agree: who saw whom and where that one was then are put together. Stamps
+    /// of different logs are not comparable otherwise.
+    pub common_clock: bool,
+    /// When poses are re-estimated after a loop is closed by a landmark.
+    pub refit: LandmarkRefit,
+}
+
+impl Default for LandmarkSettings {
+    fn default() -> Self {
+        LandmarkSettings {
+            enabled: true,
+            wrong_ids: 0.1,
+            false_merges: 0.05,
+            common_clock: false,
+            refit: LandmarkRefit::Continuous,
+        }
+    }
+}
+
+/// When poses are re-estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LandmarkRefit {
+    /// At once.
+    #[default]
+    Continuous,
+    /// In the global pass alone: during the run relations are added and nothing moves, as the
+    /// thesis decomposes algorithms 5.3 and 5.5.
+    AtEnd,
+}
