@@ -41,6 +41,10 @@ pub struct LogMetrics {
     pub stamps_back: u64,
     /// Beams without a usable reading.
     pub invalid_beams: u64,
+    /// Landmarks seen, those of the table beside the log included.
+    pub sightings: u64,
+    /// The table of landmarks beside the log, where there is one.
+    pub landmark_table: Option<String>,
     /// Messages that are not scans.
     pub skipped_messages: BTreeMap<String, u64>,
     /// Lines that could not be used.
@@ -131,6 +135,12 @@ impl Metrics {
 impl LogMetrics {
     fn new(file: &str, mapped: &MappedLog) -> Self {
         let report = &mapped.report;
+        let table = report.landmark_table.as_ref();
+        let named = |t: &logs::TableReport| {
+            let file = t.file.display().to_string();
+            t.dropped.iter().map(|row| format!("{file}: {row}")).collect::<Vec<_>>()
+        };
+        let rows = table.map(named).unwrap_or_default();
         LogMetrics {
             file: file.to_owned(),
             duration_secs: mapped.duration_secs,
@@ -139,9 +149,11 @@ impl LogMetrics {
             duplicate_scans: report.duplicates,
             stamps_back: report.stamps_back,
             invalid_beams: report.invalid_beams,
+            sightings: report.sightings + table.map_or(0, |t| t.sightings),
+            landmark_table: table.map(|t| t.file.display().to_string()),
             skipped_messages: report.skipped.clone(),
-            dropped_lines: report.dropped_count,
-            dropped: report.dropped.iter().map(ToString::to_string).collect(),
+            dropped_lines: report.dropped_count + table.map_or(0, |t| t.dropped_count),
+            dropped: report.dropped.iter().map(ToString::to_string).chain(rows).collect(),
             failure: report.failure.as_ref().map(ToString::to_string),
         }
     }
