@@ -9,6 +9,8 @@ mod carmen;
 mod compressed;
 #[path = "oracles/damage.rs"]
 mod damage;
+#[path = "oracles/landmarks.rs"]
+mod landmarks;
 #[path = "oracles/real.rs"]
 mod real;
 #[path = "oracles/tum.rs"]

@@ -2,6 +2,7 @@
 //! place, searched by branch and bound, verified, and accepted only in sets that agree with one
 //! another.
 
+mod by_landmark;
 mod candidates;
 mod consistency;
 mod signature;
@@ -18,6 +19,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Add;
 
+pub(crate) use by_landmark::LandmarkCloser;
 pub(crate) use candidates::{Candidate, SearchArea};
 pub(crate) use verification::Verifier;
 

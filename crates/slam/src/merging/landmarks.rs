@@ -12,6 +12,7 @@ mod island;
 mod links;
 mod places;
 mod rendezvous;
+mod revisit;
 mod settings;
 mod single;
 
@@ -19,7 +20,9 @@ pub(crate) use alignment::point_jacobian;
 pub use comparison::{LandmarkAlignment, compare_landmarks};
 pub(crate) use island::turned;
 pub use island::{IslandLandmark, IslandLandmarks};
+pub(crate) use consensus::GATE_CHI2;
 pub(crate) use places::places_of;
+pub(crate) use revisit::revisit;
 pub use settings::{LandmarkRefit, LandmarkSettings};
 
 use super::{MergingSettings, Proposal};

@@ -2,7 +2,9 @@
 
 mod landmarks;
 
-pub(crate) use landmarks::{carried, propose_by_landmarks};
+pub(crate) use landmarks::{
+    GATE_CHI2, carried, point_jacobian, propose_by_landmarks, revisit, turned,
+};
 pub use landmarks::{
     IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit, LandmarkSettings,
     compare_landmarks,

@@ -24,19 +24,28 @@ const FARTHEST_M: f64 = 20.0;
 
 /// The places of all landmarks that stand still, island by island.
 pub(crate) fn places_of(manifold: &Manifold, islands: &Islands) -> Vec<Vec<IslandLandmark>> {
+    let mut seen: Vec<Vec<&PatchSighting>> = vec![Vec::new(); islands.members.len()];
+    for sighting in manifold.sightings() {
+        seen[islands.of(sighting.patch)].push(sighting);
+    }
+    seen.iter().map(|sightings| places_among(manifold, sightings)).collect()
+}
+
+/// The places of all landmarks that stand still, among sightings on one island.
+pub(crate) fn places_among(
+    manifold: &Manifold,
+    sightings: &[&PatchSighting],
+) -> Vec<IslandLandmark> {
     let mut groups: BTreeMap<_, Vec<&PatchSighting>> = BTreeMap::new();
-    for seen in manifold.sightings() {
+    for &seen in sightings {
         let (kind, id) = (seen.sighting.kind, seen.sighting.id.as_deref());
         if kind != LandmarkKind::Robot && !manifold.patch(seen.patch).left_out {
-            groups.entry((islands.of(seen.patch), kind, id)).or_default().push(seen);
+            groups.entry((kind, id)).or_default().push(seen);
         }
     }
-    let mut places = vec![Vec::new(); islands.members.len()];
-    for ((island, _, id), sightings) in groups {
-        let most = if id.is_some() { MOST_PLACES } else { MOST_UNNAMED };
-        places[island].extend(told_apart(manifold, &sightings, most));
-    }
-    places
+    let most = |named: bool| if named { MOST_PLACES } else { MOST_UNNAMED };
+    let told = groups.iter().map(|((_, id), all)| told_apart(manifold, all, most(id.is_some())));
+    told.flatten().collect()
 }
 
 /// The places at which one id was seen, or all landmarks of a kind without ids, those seen most
