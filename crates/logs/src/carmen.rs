@@ -1,8 +1,8 @@
 use crate::carmen_line::{self, BACKWARDS, FORWARDS, LaserLine, LaserName, Message};
+use crate::landmark_line::SightingLine;
 use crate::lines::{LineEnd, LineReader};
 use crate::mounting::rigid_mounting;
 use crate::number::parse_f64;
-use crate::landmark_line::SightingLine;
 use crate::sightings::carry_over;
 use crate::{DropReason, LogError, LogFile, LogInput, LogRecord, ReadReport};
 use geometry::Pose2;
@@ -279,7 +279,11 @@ impl<R: BufRead> CarmenReader<R> {
             scan,
             sweep: None,
             attitude: None,
-            sightings: line.sightings.iter().map(|(_, seen)| carry(seen, &line, with_odometry)).collect(),
+            sightings: line
+                .sightings
+                .iter()
+                .map(|(_, seen)| carry(seen, &line, with_odometry))
+                .collect(),
         };
         self.report.sightings += line.sightings.len() as u64;
         let twist = line.twist.filter(|_| self.options.use_odometry);

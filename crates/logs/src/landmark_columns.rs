@@ -86,7 +86,10 @@ impl Row<'_> {
     }
 
     /// Some columns' numbers; `None` if one of them is empty.
-    fn numbers<const N: usize>(&self, columns: [usize; N]) -> Result<Option<[f64; N]>, LineProblem> {
+    fn numbers<const N: usize>(
+        &self,
+        columns: [usize; N],
+    ) -> Result<Option<[f64; N]>, LineProblem> {
         if columns.iter().any(|&c| self.text(c).is_empty()) {
             return Ok(None);
         }

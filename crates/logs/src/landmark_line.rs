@@ -72,10 +72,7 @@ pub(crate) fn id_of(kind: LandmarkKind, text: &[u8]) -> Result<Option<Arc<str>>,
 }
 
 /// What a position and its covariance must be: finite, near, and positive definite.
-pub(crate) fn check(
-    position: &Vector2<f64>,
-    covariance: &Matrix2<f64>,
-) -> Result<(), DropReason> {
+pub(crate) fn check(position: &Vector2<f64>, covariance: &Matrix2<f64>) -> Result<(), DropReason> {
     let near = |v: &f64| v.abs() <= MAX_RANGE_M;
     if !position.iter().all(near) {
         return Err(DropReason::NotFinite);
@@ -92,7 +89,7 @@ pub(crate) fn check(
 /// What a heading and its variance must be.
 pub(crate) fn check_yaw(yaw: Option<(f64, f64)>) -> Result<(), DropReason> {
     match yaw {
-        Some((yaw, _)) if !(yaw.abs() <= MAX_RANGE_M) => Err(DropReason::NotFinite),
+        Some((yaw, _)) if !yaw.is_finite() || yaw.abs() > MAX_RANGE_M => Err(DropReason::NotFinite),
         Some((_, variance)) if !(variance > 0.0 && variance <= 100.0) => {
             Err(DropReason::BadCovariance)
         }

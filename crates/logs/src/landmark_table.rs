@@ -126,8 +126,8 @@ impl LandmarkTable {
         self.rows.is_empty()
     }
 
-    /// Gives a record the sightings made since the record before, carried over to where its scan was
-    /// taken. Records are given in the log's order.
+    /// Gives a record the sightings made since the record before, carried over to where its scan
+    /// was taken. Records are given in the log's order.
     pub fn give(&mut self, record: &mut LogRecord) {
         let observation = &mut record.observation;
         let (stamp, odom) = (observation.stamp, observation.odom_from_base);
@@ -137,7 +137,8 @@ impl LandmarkTable {
                 let line = row.line;
                 self.drop_row(line, None, DropReason::NoScan);
             } else {
-                let motion = self.last.and_then(|last| motion_since(row.stamp, last, (stamp, odom)));
+                let motion =
+                    self.last.and_then(|last| motion_since(row.stamp, last, (stamp, odom)));
                 let motion = motion.or_else(|| (secs == 0.0).then_some(Pose2::IDENTITY));
                 observation.sightings.push(carry_over(&row.sighting, motion, secs));
                 self.report.sightings += 1;

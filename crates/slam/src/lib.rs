@@ -29,10 +29,9 @@ pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
 pub use event::{Event, Stage, StageObserver, Unobserved};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
 pub use mapper::Mapper;
-pub use merging::MergingSettings;
 pub use merging::{
-    IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit, LandmarkSettings,
-    compare_landmarks,
+    EvidenceCounts, IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit,
+    LandmarkSettings, Merge, MergeState, MergingSettings, compare_landmarks,
 };
 pub use motion_model::OdometrySettings;
 pub use preparation::{Preparation, PreparedObservation};

@@ -3,10 +3,12 @@ use crate::loop_closing::{Closure, LandmarkCloser, LoopCloser};
 use crate::map::Map;
 use crate::preparation::{Preparation, PreparedObservation};
 use crate::refit::{optimise_relations, refit, relocalise};
+use crate::sightings::note_sightings;
 use crate::statistics::Statistics;
 use crate::track::{ScanPose, ScanRecord};
-use crate::sightings::note_sightings;
-use crate::{ClosingStatistics, Event, LandmarkRefit, SlamConfig, Stage, StageObserver, Unobserved};
+use crate::{
+    ClosingStatistics, Event, LandmarkRefit, SlamConfig, Stage, StageObserver, Unobserved,
+};
 use geometry::{GaussianPose2, LieGroup, Pose2};
 use manifold::{Change, Manifold, PatchId, Provenance};
 use matching::CompactPoints;
@@ -68,8 +70,8 @@ impl Mapper {
         let noted = self.map.manifold.sightings().len();
         note_sightings(&mut self.map, &found, stamp, &sightings);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
-        let surface = Some(CompactPoints::new(&surface));
-        self.scans.push(ScanRecord { pose, stamp, odom_from_base, surface });
+        let surface = CompactPoints::new(&surface);
+        self.scans.push(ScanRecord { found: pose, pose, stamp, odom_from_base, surface });
         if found.is_patch {
             self.close_loops(found.patch);
         }

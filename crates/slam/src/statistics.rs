@@ -19,6 +19,8 @@ pub struct Statistics {
     pub optimisations: usize,
     /// Overlaps measured by the global refit, over all rounds.
     pub overlaps: usize,
+    /// Places compared between islands.
+    pub places_compared: usize,
 }
 
 impl Add for Statistics {
@@ -33,6 +35,7 @@ impl Add for Statistics {
             closures: self.closures + other.closures,
             optimisations: self.optimisations + other.optimisations,
             overlaps: self.overlaps + other.overlaps,
+            places_compared: self.places_compared + other.places_compared,
         }
     }
 }

@@ -1,10 +1,10 @@
 use crate::map::Map;
-use crate::merging::{join, propose_by_landmarks};
-use crate::refit::{optimise_relations, refit, relocalise};
+use crate::merging::{Merge, Merger};
+use crate::refit::{refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
-use manifold::{Change, Manifold, PatchId, RelationId, Way};
+use manifold::{Change, Manifold, PatchId, Relation, RelationId, Retraction, Way};
 use sensing::RobotId;
 
 /// The map of a team: every robot's own map, islands until evidence joins them.
@@ -15,6 +15,7 @@ pub struct Team {
     config: SlamConfig,
     map: Map,
     tracks: Vec<Track>,
+    merges: Vec<Merge>,
     statistics: Statistics,
     observer: Box<dyn StageObserver>,
 }
@@ -38,7 +39,7 @@ impl Team {
     /// A team whose stages are reported to `observer`.
     pub fn observed(config: SlamConfig, observer: Box<dyn StageObserver>) -> Self {
         let (map, statistics) = (Map::default(), Statistics::default());
-        Team { config, map, tracks: Vec::new(), statistics, observer }
+        Team { config, map, tracks: Vec::new(), merges: Vec::new(), statistics, observer }
     }
 
     /// Takes a robot into the team; its changes may follow.
@@ -65,15 +66,62 @@ impl Team {
         }
         track.scans = mapper.scans;
         for scan in &mut track.scans {
-            scan.pose.patch = track.patches[scan.pose.patch.index()];
+            scan.found.patch = track.patches[scan.found.patch.index()];
+            scan.pose = scan.found;
         }
         track.statistics = statistics;
+    }
+
+    /// Takes a relation back, by the user's word. The map is that without it after
+    /// [`Team::rebuild`].
+    pub fn retract(&mut self, relation: RelationId) {
+        self.map.manifold.retract(relation, Retraction::ByUser);
+    }
+
+    /// Takes back everything that relates a robot to others; returns what that was.
+    pub fn split(&mut self, robot: RobotId) -> Vec<RelationId> {
+        let owner = |patch: PatchId| self.map.manifold.patch(patch).robot;
+        let across = |r: &&Relation| (owner(r.from) == robot) != (owner(r.to) == robot);
+        let relations: Vec<RelationId> =
+            self.map.manifold.active_relations().filter(across).map(|r| r.id).collect();
+        relations.iter().for_each(|&id| self.retract(id));
+        relations
+    }
+
+    /// A team of the same robots and patches with only the relations that `keep` accepts, which
+    /// get new ids: what this team must equal once the others are taken back. Both are the same
+    /// after [`Team::rebuild`].
+    pub fn with_relations(&self, keep: impl Fn(&Relation) -> bool) -> Team {
+        let mut team = Team::new(self.config);
+        let manifold = &self.map.manifold;
+        for robot in manifold.robots() {
+            team.map.manifold.add_robot(&robot.name);
+        }
+        for patch in manifold.patches() {
+            team.map.manifold.add_patch(patch.clone());
+        }
+        for r in manifold.relations().iter().filter(|r| keep(r)) {
+            team.map.manifold.relate(r.from, r.to, r.from_from_to, r.provenance);
+        }
+        manifold.ways().iter().for_each(|way| team.map.manifold.note_way(*way));
+        manifold.sightings().iter().for_each(|s| team.map.manifold.note_sighting(s.clone()));
+        team.map.surfaces.clone_from(&self.map.surfaces);
+        team.tracks.clone_from(&self.tracks);
+        team
     }
 
     /// The global pass: joins islands, refits each and places every scan in it.
     pub fn finish(&mut self) {
         self.merge();
+        self.rebuild();
+    }
+
+    /// Makes the map anew from the relations that hold, the ways driven and the scans: places every
+    /// patch, refits each island, and places every scan. The result does not depend on what was
+    /// part of the map before.
+    pub fn rebuild(&mut self) {
         let config = self.config;
+        self.timed(Stage::Optimisation, |t| settle(&mut t.map, &config));
         let measured = self.timed(Stage::Refit, |t| refit(&mut t.map, &config));
         self.statistics.overlaps += measured;
         self.timed(Stage::Relocalisation, |t| {
@@ -103,6 +151,11 @@ impl Team {
         self.scan_poses(robot).map(|pose| pose.in_map(&self.map.manifold)).collect()
     }
 
+    /// Islands that were merged, and merges that may be but are not sure enough.
+    pub fn merges(&self) -> &[Merge] {
+        &self.merges
+    }
+
     /// Counts of one robot's own mapping.
     pub fn robot_statistics(&self, robot: RobotId) -> Statistics {
         self.tracks[usize::from(robot.0)].statistics
@@ -113,34 +166,23 @@ impl Team {
         self.tracks.iter().fold(self.statistics, |sum, track| sum + track.statistics)
     }
 
-    /// Joins islands where evidence says how they lie to each other, the surest first.
-    fn merge(&mut self) {
+    /// Joins islands where evidence says how they lie to each other; the poses are those of the
+    /// relations until [`Team::rebuild`].
+    pub fn merge(&mut self) {
         if !self.config.merging.enabled || self.map.manifold.component_map().members.len() < 2 {
             return;
         }
-        loop {
-            let islands = self.map.manifold.component_map();
-            let tracks: Vec<&[ScanRecord]> = self.tracks.iter().map(|t| &t.scans[..]).collect();
-            let proposals = propose_by_landmarks(&self.map, &islands, &tracks, &self.config);
-            let sure = proposals.iter().filter(|p| p.is_sure(&self.config.merging));
-            let Some(surest) = sure.min_by(|a, b| a.false_bound.total_cmp(&b.false_bound)) else {
-                for link in proposals.iter().flat_map(|p| &p.links) {
-                    let (from, to) = (link.from, link.to);
-                    self.map.manifold.propose(from, to, link.from_from_to, link.provenance);
-                }
-                return;
-            };
-            join(&mut self.map, &islands, surest);
-            self.optimise();
-        }
-    }
-
-    fn optimise(&mut self) {
         let config = self.config;
-        let retracted =
-            self.timed(Stage::Optimisation, |t| optimise_relations(&mut t.map, &config));
-        self.statistics.optimisations += 1;
-        self.statistics.closures.retracted += retracted.len();
+        let merger = self.timed(Stage::Merging, |t| {
+            let mut merger = Merger::default();
+            let tracks: Vec<_> = t.tracks.iter().map(|track| &track.scans[..]).collect();
+            merger.run(&mut t.map, &tracks, &config);
+            merger
+        });
+        self.statistics.optimisations += merger.optimisations;
+        self.statistics.closures.retracted += merger.contradicted;
+        self.statistics.places_compared += merger.tried;
+        self.merges.extend(merger.merges);
     }
 
     fn repeat(&mut self, robot: RobotId, change: &Change) {

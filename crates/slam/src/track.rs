@@ -22,9 +22,11 @@ impl ScanPose {
 /// A scan of the log as the global pass needs it.
 #[derive(Clone, Debug)]
 pub(crate) struct ScanRecord {
+    /// Where it was found when it was taken: what every global pass starts from.
+    pub found: ScanPose,
+    /// Where the last global pass has it.
     pub pose: ScanPose,
     pub stamp: Stamp,
     pub odom_from_base: Option<Pose2>,
-    /// `None` for scans that were mapped on another day: they stay where they are on their patch.
-    pub surface: Option<CompactPoints>,
+    pub surface: CompactPoints,
 }

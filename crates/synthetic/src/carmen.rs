@@ -32,8 +32,8 @@ pub fn write_carmen(run: &Run, out: &mut impl Write) -> Result<(), SyntheticErro
     Ok(())
 }
 
-/// Writes what was seen from a scan as `LANDMARK kind id|- x y sxx sxy syy [yaw yaw_variance] odom_x
-/// odom_y odom_yaw stamp host logger_stamp`.
+/// Writes what was seen from a scan as `LANDMARK kind id|- x y sxx sxy syy [yaw yaw_variance]
+/// odom_x odom_y odom_yaw stamp host logger_stamp`.
 fn write_sightings(observation: &Observation, out: &mut impl Write) -> Result<(), SyntheticError> {
     let base = observation.odom_from_base.unwrap_or(Pose2::IDENTITY);
     let seconds = Seconds(observation.stamp);
@@ -92,6 +92,19 @@ fn write_relation(
     let [from, to] = [i, j].map(|k| Seconds(run.observations[k].stamp));
     let pose = run.truth[i].between(&run.truth[j]);
     writeln!(out, "{from} {to} {:.6} {:.6} 0 0 0 {:.6}", pose.x, pose.y, pose.yaw)?;
+    Ok(())
+}
+
+/// Writes the true base poses as a TUM trajectory: `t x y z qx qy qz qw`, world frame.
+///
+/// # Errors
+/// When the writer fails.
+pub fn write_truth(run: &Run, out: &mut impl Write) -> Result<(), SyntheticError> {
+    for (observation, pose) in run.observations.iter().zip(&run.truth) {
+        let (sin, cos) = (0.5 * pose.yaw).sin_cos();
+        let seconds = Seconds(observation.stamp);
+        writeln!(out, "{seconds} {:.6} {:.6} 0 0 0 {sin:.9} {cos:.9}", pose.x, pose.y)?;
+    }
     Ok(())
 }
 

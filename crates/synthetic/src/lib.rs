@@ -25,14 +25,18 @@ mod ray_caster;
 mod room;
 mod run;
 mod scanner;
+mod site;
 mod situations;
+mod twin_worlds;
+mod twins;
 mod wheels;
+mod wing;
 mod wood;
 
 pub use buildings::{
     circular_room, corridor, corridor_run, two_loop_building, two_loop_building_with,
 };
-pub use carmen::{write_carmen, write_relations};
+pub use carmen::{write_carmen, write_relations, write_truth};
 pub use drive::Drive;
 pub use error::SyntheticError;
 pub use floor_plan::{Circle, FloorPlan, Wall};
@@ -42,5 +46,7 @@ pub use ray_caster::{RayCaster, SurfaceHit};
 pub use room::{RoomPair, noisy_room, noisy_room_pair};
 pub use run::{Robot, Run};
 pub use scanner::{LaserNoise, Scanner, TrueBeam};
+pub(crate) use site::Site;
 pub use situations::Situation;
+pub use twins::{Meeting, TwinCase, TwinFamily, TwinPart, twins};
 pub use wheels::WheelNoise;

@@ -62,7 +62,8 @@ fn bad_landmarks_are_refused_with_field_and_reason() {
 
 #[test]
 fn a_landmark_after_the_last_scan_is_told() {
-    let text = format!("{}LANDMARK tag 7 1 1 0.1 0 0.1 0 0 0 2 host 0\n", scan(Pose2::IDENTITY, 1.0));
+    let text =
+        format!("{}LANDMARK tag 7 1 1 0.1 0 0.1 0 0 0 2 host 0\n", scan(Pose2::IDENTITY, 1.0));
     let (_, report) = read(text);
     assert_eq!((report.sightings, report.dropped_count), (0, 1));
     assert_eq!((report.dropped[0].line, &report.dropped[0].reason), (2, &DropReason::NoScan));

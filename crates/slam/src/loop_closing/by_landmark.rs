@@ -128,8 +128,8 @@ fn vague_belief(
     let way = map.manifold.uncertainty_from(old, &[query])[query.index()]?;
     let interval = |i: usize| INTERVAL_95 * way.covariance[(i, i)].sqrt();
     let limits = &config.submap;
-    let precise = interval(0).max(interval(1)) < limits.translation_m
-        && interval(2) < limits.rotation_rad;
+    let precise =
+        interval(0).max(interval(1)) < limits.translation_m && interval(2) < limits.rotation_rad;
     let mean = map.pose(old).between(&map.pose(query));
     (!precise).then_some(GaussianPose2 { mean, ..way })
 }

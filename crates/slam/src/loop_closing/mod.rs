@@ -21,6 +21,7 @@ use std::ops::Add;
 
 pub(crate) use by_landmark::LandmarkCloser;
 pub(crate) use candidates::{Candidate, SearchArea};
+pub(crate) use signature::{Signature, signature_of};
 pub(crate) use verification::Verifier;
 
 /// Loop closing by geometry.

@@ -18,20 +18,20 @@ mod single;
 
 pub(crate) use alignment::point_jacobian;
 pub use comparison::{LandmarkAlignment, compare_landmarks};
+pub(crate) use consensus::GATE_CHI2;
 pub(crate) use island::turned;
 pub use island::{IslandLandmark, IslandLandmarks};
-pub(crate) use consensus::GATE_CHI2;
 pub(crate) use places::places_of;
 pub(crate) use revisit::revisit;
 pub use settings::{LandmarkRefit, LandmarkSettings};
 
-use super::{MergingSettings, Proposal};
+use super::{EvidenceCounts, Proposal};
 use crate::SlamConfig;
 use crate::map::Map;
 use crate::track::ScanRecord;
 use geometry::Pose2;
 use links::link;
-use manifold::{Islands, Provenance};
+use manifold::Islands;
 use places::{area_of, with_drift};
 use rayon::prelude::*;
 use rendezvous::meetings;
@@ -40,17 +40,6 @@ use single::one_and_a_match;
 /// Scans that match at the landmarks leave a wrong alignment so much less likely: one look-alike in
 /// ten alignments.
 const ALIKE: f64 = 0.1;
-
-impl Proposal {
-    /// True when the evidence suffices, for its kind.
-    pub fn is_sure(&self, settings: &MergingSettings) -> bool {
-        let by_landmarks = self.links.first().is_some_and(|link| {
-            matches!(link.provenance, Provenance::Landmark | Provenance::Rendezvous)
-        });
-        let most = if by_landmarks { settings.landmarks.false_merges } else { settings.false_merges };
-        self.false_bound <= most
-    }
-}
 
 /// For each two islands how they lie to each other by the landmarks that both know, in the order of
 /// the islands. `tracks` are the robots' scans, in the order of the robots.
@@ -107,15 +96,19 @@ fn propose(
     let Some(found) = compare_landmarks(target, source, &config.merging.landmarks) else {
         return one_and_a_match(map, target, source, config);
     };
-    let pairs: Vec<_> = found
-        .pairs
-        .iter()
-        .map(|&(t, s)| (&target.landmarks[t], &source.landmarks[s]))
-        .collect();
+    let pairs: Vec<_> =
+        found.pairs.iter().map(|&(t, s)| (&target.landmarks[t], &source.landmarks[s])).collect();
     let linked = link(map, &pairs, &found.target_from_source, config);
     Some(Proposal {
         target_from_source: found.target_from_source.mean,
+        evidence: EvidenceCounts {
+            matches: linked.matched,
+            agreeing: pairs.len(),
+            contradicting: linked.contradicting + found.refused,
+            ..EvidenceCounts::default()
+        },
         false_bound: weighed(found.false_bound, &linked, pairs.len()),
+        most_false: config.merging.landmarks.false_merges,
         links: linked.links,
     })
 }

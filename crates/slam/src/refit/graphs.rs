@@ -1,8 +1,9 @@
-use super::RefitSettings;
 use crate::map::Map;
 use geometry::{Matrix3, Pose2};
-use manifold::{Islands, PatchId, Provenance, Relation};
-use optimizer::{Edge, EdgeKind, Kernel, PoseGraph, Report, Settings, optimize};
+use manifold::{Islands, PatchId, Provenance, Relation, RelationId};
+use optimizer::{
+    Edge, EdgeKind, GncSettings, Optimizer, PoseGraph, Report, Settings, optimize, optimize_gnc,
+};
 use rayon::prelude::*;
 
 /// One pose graph for each island: what happens to one island never shows in another's poses.
@@ -14,15 +15,22 @@ pub(super) struct IslandGraphs<'a> {
 impl<'a> IslandGraphs<'a> {
     /// The patches where they are now, without edges.
     pub fn new(map: &Map, islands: &'a Islands) -> Self {
-        let graph = |island: &Vec<PatchId>| {
-            let mut graph = PoseGraph::new();
-            for &patch in island {
-                // Ids are unique by construction.
-                let _ = graph.add_node(patch.0.into(), map.pose(patch));
+        let graphs = islands.members.iter().map(|island| graph_of(map, island)).collect();
+        IslandGraphs { islands, graphs }
+    }
+
+    /// Adds the relations that hold with a share of their information; returns where those are
+    /// that may be doubted.
+    pub fn add_relations(&mut self, map: &Map, share: f64) -> Vec<((usize, usize), RelationId)> {
+        let mut closures = Vec::new();
+        for relation in map.manifold.active_relations() {
+            if let Some(place) = self.add(relation_edge(relation, share))
+                && relation.provenance != Provenance::Sequential
+            {
+                closures.push((place, relation.id));
             }
-            graph
-        };
-        IslandGraphs { islands, graphs: islands.members.iter().map(graph).collect() }
+        }
+        closures
     }
 
     /// Adds an edge to the graph of its island; returns where it is. Edges between islands and
@@ -36,15 +44,9 @@ impl<'a> IslandGraphs<'a> {
 
     /// Optimises every graph and moves the patches; the solver's reports in the order of the
     /// islands, `None` where there was nothing to do or the solver failed.
-    pub fn solve(mut self, map: &mut Map, settings: &RefitSettings) -> Vec<Option<Report>> {
-        let settings = Settings {
-            kernel: Kernel::Cauchy { scale: settings.outlier_sigmas },
-            max_iterations: 20,
-            relative_tolerance: 1e-4,
-            ..Settings::default()
-        };
+    pub fn solve(mut self, map: &mut Map, settings: &Settings) -> Vec<Option<Report>> {
         let solve = |graph: &mut PoseGraph<Pose2, 3>| {
-            (!graph.edges().is_empty()).then(|| optimize(graph, &settings).ok()).flatten()
+            (!graph.edges().is_empty()).then(|| optimize(graph, settings).ok()).flatten()
         };
         let reports: Vec<Option<Report>> = self.graphs.par_iter_mut().map(solve).collect();
         let solved = self.graphs.iter().zip(&reports).filter(|(_, report)| report.is_some());
@@ -54,8 +56,18 @@ impl<'a> IslandGraphs<'a> {
     }
 }
 
+/// The patches of an island where they are now, without edges.
+fn graph_of(map: &Map, island: &[PatchId]) -> PoseGraph<Pose2, 3> {
+    let mut graph = PoseGraph::new();
+    for &patch in island {
+        // Ids are unique by construction.
+        let _ = graph.add_node(patch.0.into(), map.pose(patch));
+    }
+    graph
+}
+
 /// A relation as an edge with a share of its information.
-pub(super) fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
+fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
     let kind = match relation.provenance {
         Provenance::Sequential => EdgeKind::Sequential,
         _ => EdgeKind::Closure,
@@ -63,4 +75,31 @@ pub(super) fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
     let gaussian = &relation.from_from_to;
     let information = gaussian.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) * share;
     Edge::new(relation.from.0.into(), relation.to.0.into(), gaussian.mean, information, kind)
+}
+
+/// Solves one island with some of its relations in doubt (graduated non-convexity, Yang et al.
+/// 2020) and moves its patches; returns the doubted relations that contradict the rest.
+pub(super) fn doubt(map: &mut Map, island: &[PatchId], doubted: &[RelationId]) -> Vec<RelationId> {
+    let mut graph = graph_of(map, island);
+    let mut places = Vec::new();
+    for &patch in island {
+        for relation in map.manifold.relations_at(patch).filter(|r| r.from == patch) {
+            let is_doubted = doubted.contains(&relation.id);
+            let kind = if is_doubted { EdgeKind::Closure } else { EdgeKind::Sequential };
+            let edge = Edge { kind, ..relation_edge(relation, 1.0) };
+            if let Ok(index) = graph.add_edge(edge)
+                && is_doubted
+            {
+                places.push((index, relation.id));
+            }
+        }
+    }
+    let settings = GncSettings::new(3);
+    let Ok(report) = optimize_gnc(&mut Optimizer::new(), &mut graph, &settings) else {
+        return Vec::new();
+    };
+    let nodes = graph.nodes().iter();
+    map.manifold.refit(nodes.map(|n| (PatchId(n.id as u32), n.pose)).collect());
+    let refused = places.into_iter().filter(|(edge, _)| report.weights[*edge] < 0.5);
+    refused.map(|(_, id)| id).collect()
 }

@@ -12,12 +12,14 @@ use crate::SlamConfig;
 use crate::map::Map;
 use breadth_first::refit_breadth_first;
 use geometry::{LieGroup, Matrix3, Pose2};
-use graphs::{IslandGraphs, relation_edge};
-use manifold::{Provenance, RelationId, Retraction};
+use graphs::IslandGraphs;
+use manifold::{PatchId, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
-use optimizer::{Edge, EdgeKind};
+use optimizer::{Edge, EdgeKind, Kernel, Settings};
 use overlaps::{Overlap, measure_overlaps};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Which refit runs at the end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,15 +89,8 @@ impl Default for RefitSettings {
 pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
     let islands = map.manifold.component_map();
     let mut graphs = IslandGraphs::new(map, &islands);
-    let mut closures = Vec::new();
-    for relation in map.manifold.active_relations() {
-        if let Some(place) = graphs.add(relation_edge(relation, 1.0))
-            && relation.provenance != Provenance::Sequential
-        {
-            closures.push((place, relation.id));
-        }
-    }
-    let reports = graphs.solve(map, &config.refit);
+    let closures = graphs.add_relations(map, 1.0);
+    let reports = graphs.solve(map, &config.refit.quickly());
     let weight = |(island, edge): (usize, usize)| {
         reports[island].as_ref().map_or(1.0, |report| report.weights[edge])
     };
@@ -112,6 +107,46 @@ pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<Rela
 
 /// Cauchy weight of a closure seven standard deviations off, at a scale of three.
 const CONTRADICTED_WEIGHT: f64 = 0.15;
+
+/// Places all patches anew from nothing but the relations that hold: every island in the frame of
+/// its first patch, from the fewest relations to each patch, then optimised until nothing moves.
+///
+/// The poses are a function of the relations: how the map came about, what was believed meanwhile
+/// and what has been taken back leaves no trace.
+pub(crate) fn settle(map: &mut Map, config: &SlamConfig) {
+    let islands = map.manifold.component_map();
+    let placed = islands.members.par_iter().flat_map_iter(|island| laid_out(map, island[0]));
+    let placed: Vec<(PatchId, Pose2)> = placed.collect();
+    map.manifold.refit(placed);
+    let mut graphs = IslandGraphs::new(map, &islands);
+    graphs.add_relations(map, 1.0);
+    graphs.solve(map, &config.refit.strictly());
+}
+
+/// The patches of an island in the frame of one of them, each by the fewest relations.
+fn laid_out(map: &Map, first: PatchId) -> Vec<(PatchId, Pose2)> {
+    let mut placed = vec![(first, Pose2::IDENTITY)];
+    let mut seen = BTreeSet::from([first]);
+    let mut next = 0;
+    while let Some(&(patch, pose)) = placed.get(next) {
+        next += 1;
+        for (other, step) in map.manifold.neighbours(patch) {
+            if seen.insert(other) {
+                placed.push((other, pose * step.mean));
+            }
+        }
+    }
+    placed
+}
+
+/// Of some relations between patches of one island those that graduated non-convexity finds to
+/// contradict the rest. The island's patches move to where the others have them.
+pub(crate) fn doubt_relations(map: &mut Map, doubted: &[RelationId]) -> Vec<RelationId> {
+    let Some(&first) = doubted.first() else { return Vec::new() };
+    let islands = map.manifold.component_map();
+    let island = islands.of(map.manifold.relation(first).from);
+    graphs::doubt(map, &islands.members[island], doubted)
+}
 
 /// The refit that is configured; how many overlaps it measured.
 pub(crate) fn refit(map: &mut Map, config: &SlamConfig) -> usize {
@@ -139,9 +174,7 @@ fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
         let overlaps = measure_overlaps(map, &islands, matcher, config, kernel as f32);
         measured += overlaps.len();
         let mut graphs = IslandGraphs::new(map, &islands);
-        for relation in map.manifold.active_relations() {
-            graphs.add(relation_edge(relation, RELATION_SHARE));
-        }
+        graphs.add_relations(map, RELATION_SHARE);
         for way in map.manifold.ways() {
             let Some(motion) = way.motion else { continue };
             let information = motion.covariance.try_inverse().unwrap_or_else(Matrix3::zeros);
@@ -151,13 +184,30 @@ fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
         for overlap in &overlaps {
             graphs.add(overlap.edge());
         }
-        graphs.solve(map, settings);
+        graphs.solve(map, &settings.quickly());
     }
     measured
 }
 
 /// Relations of the run see what overlaps see; beside them they only count this much.
 const RELATION_SHARE: f64 = 0.01;
+
+impl RefitSettings {
+    /// How poses are optimised on the way: far better than they are known.
+    fn quickly(&self) -> Settings {
+        Settings {
+            kernel: Kernel::Cauchy { scale: self.outlier_sigmas },
+            max_iterations: 20,
+            relative_tolerance: 1e-4,
+            ..Settings::default()
+        }
+    }
+
+    /// How poses are optimised where the answer must not depend on the start.
+    fn strictly(&self) -> Settings {
+        Settings { max_iterations: 100, relative_tolerance: 1e-12, ..self.quickly() }
+    }
+}
 
 impl SlamConfig {
     /// The field of the refit: like the front end's with a shorter reach.

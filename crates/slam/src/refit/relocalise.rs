@@ -60,8 +60,7 @@ pub(crate) fn relocalise(map: &Map, tracks: &mut [&mut [ScanRecord]], config: &S
     }
     tracks.par_iter_mut().zip(&knowledge).for_each(|(scans, knowledge)| {
         let poses = smooth(knowledge, config.refit.outlier_sigmas, SMOOTHING_ITERATIONS);
-        for (scan, pose) in scans.iter_mut().zip(&poses).filter(|(scan, _)| scan.surface.is_some())
-        {
+        for (scan, pose) in scans.iter_mut().zip(&poses) {
             let patch_from_base = map.pose(scan.pose.patch).between(pose);
             scan.pose = ScanPose { patch: scan.pose.patch, patch_from_base };
         }
@@ -115,8 +114,8 @@ fn match_group(
     let information = information_before();
     let place = |&(track, scan): &(usize, usize)| {
         let record = &tracks[track][scan];
-        let surface = record.surface.as_ref()?.expand();
-        let pose = origin.between(&record.pose.in_map(&map.manifold));
+        let surface = record.surface.expand();
+        let pose = origin.between(&record.found.in_map(&map.manifold));
         let result = matcher.align(scratch, &surface, &Prior { pose, information });
         let found = result.status.is_usable()
             && result.inlier_ratio > config.refit.overlap_share
@@ -153,7 +152,7 @@ fn before(
                 _ => None,
             };
             last = now;
-            Knowledge { measured: scan.pose.in_map(&map.manifold), information, motion }
+            Knowledge { measured: scan.found.in_map(&map.manifold), information, motion }
         })
         .collect()
 }

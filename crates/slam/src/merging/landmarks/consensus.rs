@@ -14,7 +14,8 @@ pub(crate) struct Consensus {
     pub rival: usize,
 }
 
-/// Three standard deviations: 99.73 % quantiles of chi-squared with one to three degrees of freedom.
+/// Three standard deviations: 99.73 % quantiles of chi-squared with one to three degrees of
+/// freedom.
 pub(crate) const GATE_CHI2: [f64; 3] = [9.0, 11.83, 14.16];
 /// Rounds of gathering members and aligning them anew.
 const ROUNDS: usize = 8;

@@ -74,9 +74,8 @@ fn by_landmark(
     let turn = Pose2::new(0.0, 0.0, yaw);
     let shift = target.position - turn.transform(source.position);
     let mean = Pose2::new(shift.x, shift.y, yaw);
-    let spread = target.covariance
-        + turned(&source.covariance, yaw)
-        + Matrix2::identity() * FLOOR_M2;
+    let spread =
+        target.covariance + turned(&source.covariance, yaw) + Matrix2::identity() * FLOOR_M2;
     let yaw_variance = (alignment.covariance[(2, 2)] * links as f64).max(1e-8);
     let covariance = overlay_covariance(&mean, source, &spread, yaw_variance);
     let provenance = match target.kind {

@@ -139,7 +139,9 @@ fn fuse(manifold: &Manifold, members: &[Member]) -> Option<IslandLandmark> {
     let first = members.first()?.seen;
     let mut by_patch: BTreeMap<PatchId, (f64, Vector2<f64>, Matrix2<f64>)> = BTreeMap::new();
     for m in members {
-        let sum = by_patch.entry(m.seen.patch).or_insert_with(|| (0.0, Vector2::zeros(), Matrix2::zeros()));
+        let sum = by_patch
+            .entry(m.seen.patch)
+            .or_insert_with(|| (0.0, Vector2::zeros(), Matrix2::zeros()));
         *sum = (sum.0 + 1.0, sum.1 + m.position, sum.2 + m.covariance);
     }
     let (mut information, mut vector) = (Matrix2::zeros(), Vector2::zeros());
@@ -196,7 +198,11 @@ pub(crate) fn with_drift(
 
 /// The area an island's sightings cover, m^2: the square metres within reach of a patch from which
 /// something was seen, reach being how far landmarks were seen on average.
-pub(crate) fn area_of(manifold: &Manifold, landmarks: &[IslandLandmark], patches: &[PatchId]) -> f64 {
+pub(crate) fn area_of(
+    manifold: &Manifold,
+    landmarks: &[IslandLandmark],
+    patches: &[PatchId],
+) -> f64 {
     let squares: f64 = landmarks.iter().map(|l| l.position.norm_squared()).sum();
     let reach = (squares / landmarks.len().max(1) as f64).sqrt().clamp(CELL_M, FARTHEST_M);
     let radius = (reach / CELL_M).ceil() as i64;

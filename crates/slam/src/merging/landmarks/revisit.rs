@@ -27,7 +27,8 @@ pub(crate) fn revisit(
     let (target, source) = (known(old), known(recent));
     let settings = &config.merging.landmarks;
     let found = compare_landmarks(&target, &source, settings);
-    let Some(found) = found.filter(|f| f.pairs.len() >= 2 && f.false_bound <= settings.false_merges)
+    let Some(found) =
+        found.filter(|f| f.pairs.len() >= 2 && f.false_bound <= settings.false_merges)
     else {
         return Vec::new();
     };

@@ -5,7 +5,7 @@ use super::links::{has_surface, relation};
 use crate::SlamConfig;
 use crate::loop_closing::{Candidate, SearchArea, Verifier};
 use crate::map::Map;
-use crate::merging::{Link, Proposal};
+use crate::merging::{EvidenceCounts, Link, Proposal};
 use geometry::{GaussianPose2, Matrix2, Matrix3, Pose2, Vector3};
 use manifold::Provenance;
 use sensing::LandmarkKind;
@@ -53,6 +53,8 @@ pub(super) fn one_and_a_match(
     let from_from_to = relation(&closure, config);
     Some(Proposal {
         target_from_source: t.island_from_patch * pose * s.island_from_patch.inverse(),
+        evidence: EvidenceCounts { matches: 1, agreeing: 1, ..EvidenceCounts::default() },
+        most_false: config.merging.landmarks.false_merges,
         links: vec![Link { from: t.patch, to: s.patch, from_from_to, provenance }],
         // The robot that was met is near for certain; how it lies to the other the match must tell.
         false_bound: ALIKE * if wrong > 0.0 { wrong / (1.0 - wrong) } else { 1.0 },
