@@ -116,6 +116,7 @@ fn sighted(at: Vector2<f64>, id: &str, case: &Case, rng: &mut StdRng) -> IslandL
         covariance: Matrix2::new(along * along, 0.0, 0.0, across * across),
         yaw: None,
         sightings: 1,
+        robots: vec![sensing::RobotId(0)],
     }
 }
 

@@ -1,5 +1,5 @@
 use crate::map::Map;
-use crate::merging::{Merge, Merger};
+use crate::merging::{IslandLandmark, Merge, Merger, places_of};
 use crate::refit::{refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
@@ -154,6 +154,13 @@ impl Team {
     /// Islands that were merged, and merges that may be but are not sure enough.
     pub fn merges(&self) -> &[Merge] {
         &self.merges
+    }
+
+    /// The landmarks that stand still, island by island, where the map now has them. An id that was
+    /// seen at several places, read wrong or moved, is there several times.
+    pub fn landmarks(&self) -> Vec<IslandLandmark> {
+        let manifold = &self.map.manifold;
+        places_of(manifold, &manifold.component_map()).into_iter().flatten().collect()
     }
 
     /// Counts of one robot's own mapping.

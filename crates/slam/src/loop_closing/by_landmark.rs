@@ -13,7 +13,7 @@ pub(crate) struct LandmarkCloser {
     config: SlamConfig,
     verifier: Verifier,
     /// The patch from which each landmark's return was last looked into.
-    looked: BTreeMap<(LandmarkKind, String), PatchId>,
+    looked: BTreeMap<(LandmarkKind, Option<String>), PatchId>,
 }
 
 /// A landmark seen so many patches ago is seen again; nearer by it never left.
@@ -22,6 +22,10 @@ const RETURN_PATCHES: u32 = 30;
 const PATIENCE_PATCHES: u32 = 10;
 /// What the robot saw on so many patches lies together well enough to be compared as one.
 const RECENT_PATCHES: u32 = 20;
+/// Of earlier sightings without id so many are looked at, evenly spread.
+const MOST_UNNAMED: usize = 100;
+/// Sightings without id farther apart than this on the map are not of one thing, metres.
+const ONE_PLACE_M: f64 = 1.0;
 /// Two places of a landmark differ by at least so much, m^2: two maps of one wall differ by 2 cm.
 const FLOOR_M2: f64 = 4e-4;
 /// Where the heading is known less well than this, the landmark moves the belief too far for its
@@ -39,7 +43,7 @@ impl LandmarkCloser {
     pub fn search(&mut self, first: usize, map: &Map) -> Vec<Link> {
         let all = map.manifold.sightings();
         let Some(query) = all[first..].last().map(|s| s.patch) else { return Vec::new() };
-        if !self.config.merging.landmarks.enabled || !self.config.closing.enabled {
+        if !self.config.merging.landmarks.enabled {
             return Vec::new();
         }
         let mut returned = false;
@@ -64,21 +68,27 @@ impl LandmarkCloser {
 
     /// The best earlier sighting of a landmark that comes back; notes that it was looked into.
     fn returns_to<'a>(&mut self, seen: &PatchSighting, map: &'a Map) -> Option<&'a PatchSighting> {
-        let (kind, id) = (seen.sighting.kind, seen.sighting.id.as_deref()?);
-        let key = (kind, id.to_owned());
+        let (kind, id) = (seen.sighting.kind, seen.sighting.id.as_deref());
+        let key = (kind, id.map(str::to_owned));
         let waits = |last: &PatchId| seen.patch.0 < last.0 + PATIENCE_PATCHES;
         if kind == LandmarkKind::Robot || self.looked.get(&key).is_some_and(waits) {
             return None;
         }
         let earlier = map.manifold.sightings().iter().filter(|s| {
             s.sighting.kind == kind
-                && s.sighting.id.as_deref() == Some(id)
+                && s.sighting.id.as_deref() == id
                 && s.patch.0 + RETURN_PATCHES <= seen.patch.0
         });
-        let doubt = |s: &&PatchSighting| s.sighting.covariance.trace();
-        let best = earlier.min_by(|a, b| doubt(a).total_cmp(&doubt(b)))?;
+        let mut earlier: Vec<&PatchSighting> = earlier.collect();
+        if earlier.is_empty() {
+            return None;
+        }
         self.looked.insert(key, seen.patch);
-        Some(best)
+        if id.is_none() {
+            earlier = the_only_place(earlier, seen, map);
+        }
+        let doubt = |s: &&PatchSighting| s.sighting.covariance.trace();
+        earlier.into_iter().min_by(|a, b| doubt(a).total_cmp(&doubt(b)))
     }
 
     /// Lays the patches onto each other by the landmark and matches the scan with the local submap
@@ -115,6 +125,31 @@ impl LandmarkCloser {
         let (from, to) = (closure.from, closure.to);
         Link { from, to, from_from_to, provenance: Provenance::Landmark }
     }
+}
+
+/// Of earlier sightings without an id those that may be of the landmark seen, by the way between;
+/// none where they lie at several places.
+fn the_only_place<'a>(
+    earlier: Vec<&'a PatchSighting>,
+    seen: &PatchSighting,
+    map: &Map,
+) -> Vec<&'a PatchSighting> {
+    let step = earlier.len().div_ceil(MOST_UNNAMED).max(1);
+    let looked_at: Vec<&PatchSighting> = earlier.into_iter().step_by(step).collect();
+    let wanted: Vec<PatchId> = looked_at.iter().map(|s| s.patch).collect();
+    let known = map.manifold.uncertainty_from(seen.patch, &wanted);
+    let here = map.pose(seen.patch);
+    let may_be = |old: &&PatchSighting| {
+        let Some(way) = known[old.patch.index()] else { return false };
+        let mean = here.between(&map.pose(old.patch));
+        let believed = GaussianPose2 { mean, ..way }.inverse();
+        let (error, spread) = residual(&believed, old, seen);
+        spread.try_inverse().is_some_and(|i| error.dot(&(i * error)) <= GATE_CHI2[1])
+    };
+    let possible: Vec<&PatchSighting> = looked_at.into_iter().filter(may_be).collect();
+    let place = |s: &PatchSighting| map.pose(s.patch).transform(s.sighting.position);
+    let alike = |s: &&PatchSighting| (place(s) - place(possible[0])).norm() < ONE_PLACE_M;
+    if possible.iter().all(alike) { possible } else { Vec::new() }
 }
 
 /// What is believed of a patch seen from an older one, by the way between; `None` where that is

@@ -9,7 +9,7 @@ mod recognition;
 mod sets;
 mod together;
 
-pub(crate) use landmarks::{GATE_CHI2, carried, point_jacobian, revisit, turned};
+pub(crate) use landmarks::{GATE_CHI2, carried, places_of, point_jacobian, revisit, turned};
 pub use landmarks::{
     IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit, LandmarkSettings,
     compare_landmarks,

@@ -1,6 +1,6 @@
 use geometry::{Matrix2, Pose2, Vector2};
 use manifold::PatchId;
-use sensing::LandmarkKind;
+use sensing::{LandmarkKind, RobotId};
 use std::sync::Arc;
 
 /// A landmark's place on an island.
@@ -24,6 +24,8 @@ pub struct IslandLandmark {
     pub yaw: Option<(f64, f64)>,
     /// How often it was seen.
     pub sightings: usize,
+    /// By whom, ascending.
+    pub robots: Vec<RobotId>,
 }
 
 impl IslandLandmark {

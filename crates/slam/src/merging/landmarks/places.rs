@@ -3,7 +3,7 @@ use super::consensus::GATE_CHI2;
 use super::island::{IslandLandmark, IslandLandmarks, turned};
 use geometry::{Matrix2, Vector2};
 use manifold::{Islands, Manifold, PatchId, PatchSighting};
-use sensing::LandmarkKind;
+use sensing::{LandmarkKind, RobotId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
@@ -116,7 +116,11 @@ fn split<'a>(
         let pose = own.between(&manifold.patch(seen.patch).island_from_patch);
         let position = pose.transform(seen.sighting.position);
         let jacobian = point_jacobian(&pose, &seen.sighting.position);
-        let drift = jacobian * way.covariance * jacobian.transpose();
+        // An id says that it is the same thing, however far it has drifted; without one the map does.
+        let drift = match seed.sighting.id {
+            Some(_) => jacobian * way.covariance * jacobian.transpose(),
+            None => Matrix2::identity() * (BENT_M * BENT_M),
+        };
         let covariance = turned(&seen.sighting.covariance, pose.yaw) + drift;
         let offset = position - first;
         let inverse = (covariance + of_seed).try_inverse();
@@ -156,6 +160,8 @@ fn fuse(manifold: &Manifold, members: &[Member]) -> Option<IslandLandmark> {
         let offset = m.position - position;
         m.covariance.try_inverse().map_or(0.0, |i| offset.dot(&(i * offset)))
     };
+    let robots: BTreeSet<RobotId> =
+        members.iter().map(|m| manifold.patch(m.seen.patch).robot).collect();
     let freedom = 2.0 * members.len() as f64 - 2.0;
     let scatter = members.iter().map(excess).sum::<f64>() / freedom.max(1.0);
     Some(IslandLandmark {
@@ -167,6 +173,7 @@ fn fuse(manifold: &Manifold, members: &[Member]) -> Option<IslandLandmark> {
         covariance: covariance * scatter.max(1.0),
         yaw: None,
         sightings: members.len(),
+        robots: robots.into_iter().collect(),
     })
 }
 

@@ -44,7 +44,10 @@ pub(crate) fn meetings(
     for ((_, other), all) in seen {
         let step = all.len().div_ceil(MOST_MEETINGS).max(1);
         for meeting in all.iter().step_by(step) {
-            landmarks.extend(meeting.landmarks(manifold, islands, other));
+            let both = meeting.landmarks(manifold, islands, other);
+            if both[0].0 != both[1].0 {
+                landmarks.extend(both);
+            }
         }
     }
     landmarks
@@ -85,6 +88,7 @@ impl Meeting<'_> {
             covariance: seen.covariance,
             yaw: seen.yaw,
             sightings: 1,
+            robots: vec![robot],
         };
         let place = &self.place;
         let of_seen = IslandLandmark {
