@@ -148,6 +148,7 @@ impl Mapper {
         for link in &links {
             self.map.manifold.relate(link.from, link.to, link.from_from_to, link.provenance);
         }
+        self.closer.statistics.tried += links.len();
         self.closer.statistics.accepted += links.len();
         let at_once = self.config.merging.landmarks.refit == LandmarkRefit::Continuous;
         if let Some(link) = links.first().filter(|_| at_once) {

@@ -103,6 +103,9 @@ impl LandmarkCloser {
         believed: &GaussianPose2,
         map: &Map,
     ) -> Option<Closure> {
+        if !self.config.merging.landmarks.match_scans {
+            return None;
+        }
         let updated = update(believed, old, seen)?;
         let area = SearchArea::Believed;
         let candidate = Candidate { patch: old.patch, patch_from_query: updated, area };

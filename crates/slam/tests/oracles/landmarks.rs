@@ -229,7 +229,8 @@ fn robots_that_see_each_other_become_one_map() {
     assert_eq!(team_of(&runs, config).manifold().islands().len(), 2);
 }
 
-/// A ring of corridor driven once round and on, with landmarks where the robot looks at these scans.
+/// A ring of corridor driven once round and on, with landmarks where the robot looks at these
+/// scans.
 fn ring(landmarks: &[(usize, Option<&str>)]) -> Run {
     let robot = Robot { wheels: WheelNoise::poor(), ..Robot::default() };
     let mut run = ring_corridor(3, 160.0, 20.0, 12.0, &robot);

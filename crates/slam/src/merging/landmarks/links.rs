@@ -39,8 +39,8 @@ pub(super) fn link(
     let mut linked = Linked::default();
     for (i, (target, source)) in pairs.iter().enumerate() {
         let mut link = by_landmark(target, source, alignment, pairs.len());
-        let scans = has_surface(map, target.patch) && has_surface(map, source.patch);
-        if i < MOST_MATCHES && scans {
+        let has_scans = has_surface(map, target.patch) && has_surface(map, source.patch);
+        if i < MOST_MATCHES && has_scans && config.merging.landmarks.match_scans {
             match matched(&mut verifier, map, &link) {
                 Ok(closure) => {
                     linked.matched += 1;

@@ -116,7 +116,8 @@ fn split<'a>(
         let pose = own.between(&manifold.patch(seen.patch).island_from_patch);
         let position = pose.transform(seen.sighting.position);
         let jacobian = point_jacobian(&pose, &seen.sighting.position);
-        // An id says that it is the same thing, however far it has drifted; without one the map does.
+        // An id says that it is the same thing, however far it has drifted; without one the map
+        // does.
         let drift = match seed.sighting.id {
             Some(_) => jacobian * way.covariance * jacobian.transpose(),
             None => Matrix2::identity() * (BENT_M * BENT_M),

@@ -12,8 +12,11 @@ pub struct LandmarkSettings {
     /// Islands are joined by landmarks when the chance that this is wrong is bounded by so much.
     /// Two landmarks alone cannot do much better, see docs/math/landmarks.md; three can.
     pub false_merges: f64,
-    /// The robots' clocks agree, to a fraction of a second: who saw whom and where that one was then
-    /// are put together. To be turned off where they do not.
+    /// Match the scans where a landmark was seen twice: relations are then as accurate as scans,
+    /// walls can refute an alignment, and a single landmark may do.
+    pub match_scans: bool,
+    /// The robots' clocks agree, to a fraction of a second: who saw whom and where that one was
+    /// then are put together. To be turned off where they do not.
     pub common_clock: bool,
     /// When poses are re-estimated after a loop is closed by a landmark.
     pub refit: LandmarkRefit,
@@ -25,6 +28,7 @@ impl Default for LandmarkSettings {
             enabled: true,
             wrong_ids: 0.1,
             false_merges: 0.05,
+            match_scans: true,
             common_clock: true,
             refit: LandmarkRefit::Continuous,
         }

@@ -26,7 +26,10 @@ pub(super) fn one_and_a_match(
     config: &SlamConfig,
 ) -> Option<Proposal> {
     let (t, s) = only_pair(target, source)?;
-    if !has_surface(map, t.patch) || !has_surface(map, s.patch) {
+    if !config.merging.landmarks.match_scans
+        || !has_surface(map, t.patch)
+        || !has_surface(map, s.patch)
+    {
         return None;
     }
     let candidate = Candidate {
