@@ -16,8 +16,8 @@ use rand::{Rng, SeedableRng};
 use sensing::{LandmarkKind, RobotId};
 use synthetic::{Landmark, LandmarkSensor, Meeting, RayCaster, Run, TwinFamily, misread, twins};
 
-/// A merge farther off than this is a false one.
-const FALSE_M: f64 = 1.5;
+/// A merge farther off than this is a false one, metres and degrees.
+const FALSE: (f64, f64) = (1.5, 10.0);
 /// A relation between the robots farther off than this comes from a wrong id.
 const WRONG_RELATION_M: f64 = 0.5;
 /// Scans so near to a tag count, metres.
@@ -237,13 +237,17 @@ impl Row {
         }
     }
 
+    fn is_false(&self, error: &(f64, f64)) -> bool {
+        self.meeting == Meeting::Apart || error.0 > FALSE.0 || error.1 > FALSE.1
+    }
+
     fn print(&self) {
         let share = |n: usize, of: usize| 100.0 * n as f64 / of.max(1) as f64;
         let accurate = |all: &[(f64, f64)]| all.iter().filter(|e| e.0 < 0.1 && e.1 < 1.0).count();
         let merged = self.merged.len();
         println!(
-            "| {} | {} | {} | {:.0} % | {} | {:.1} % | {:.1} % | {} | {:.1} % | {:.3} | {:.3} \
-             | {:.2} | {:.1} % | {:.3} | {} | {}, {} |",
+            "| {} | {} | {} | {:.0} % | {} | {:.1} % | {:.1} % | {} | {:.1} % | {} | {} \
+             | {} | {:.1} % | {} | {} | {}, {} |",
             if self.match_scans { "yes" } else { "no" },
             if self.meeting == Meeting::Together { "one" } else { "two" },
             self.tags,
@@ -251,7 +255,7 @@ impl Row {
             self.cases,
             share(merged, self.cases),
             share(self.provisional, self.cases),
-            self.merged.iter().filter(|e| e.0 > FALSE_M).count(),
+            self.merged.iter().filter(|e| self.is_false(e)).count(),
             share(accurate(&self.merged), merged),
             quantile(self.merged.iter().map(|e| e.0), 0.5),
             quantile(self.merged.iter().map(|e| e.0), 0.95),
@@ -265,8 +269,10 @@ impl Row {
     }
 }
 
-fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
+/// A quantile with three decimals; a dash where there is none.
+fn quantile(values: impl Iterator<Item = f64>, share: f64) -> String {
+    let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
-    sorted.get((share * sorted.len() as f64) as usize).copied().unwrap_or(f64::NAN)
+    let value = sorted.get((share * sorted.len() as f64) as usize);
+    value.map_or("-".into(), |v| format!("{v:.3}"))
 }

@@ -36,7 +36,18 @@ impl Shared {
         let unrelated = self.unrelated / (1.0 - self.unrelated);
         let odds = (unrelated + fewer) / right(k).max(f64::MIN_POSITIVE);
         let chosen = binomial(n, k) * places(set, pairings);
-        (odds * chosen * accident(islands, &set.members)).min(1.0)
+        let accident = odds * chosen * accident(islands, &set.members);
+        (accident + self.exchanged(islands, k)).min(1.0)
+    }
+
+    /// Odds that two ids were read as each other's: they lie at the right distance, half a turn
+    /// off, and nothing is by accident. With more members an exchange shows.
+    fn exchanged(&self, islands: &Islands, members: usize) -> f64 {
+        if members != 2 {
+            return 0.0;
+        }
+        let others = islands.target.landmarks.len().saturating_sub(1).max(1);
+        (self.wrong / (1.0 - self.wrong)).powi(2) / others as f64
     }
 }
 

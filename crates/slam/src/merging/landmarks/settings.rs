@@ -10,7 +10,8 @@ pub struct LandmarkSettings {
     /// moved.
     pub wrong_ids: f64,
     /// Islands are joined by landmarks when the chance that this is wrong is bounded by so much.
-    /// Two landmarks alone cannot do much better, see docs/math/landmarks.md; three can.
+    /// Two tags alone mostly fall short (their ids may be exchanged), three do not: see
+    /// docs/math/landmarks.md.
     pub false_merges: f64,
     /// Match the scans where a landmark was seen twice: relations are then as accurate as scans,
     /// walls can refute an alignment, and a single landmark may do.
@@ -27,7 +28,7 @@ impl Default for LandmarkSettings {
         LandmarkSettings {
             enabled: true,
             wrong_ids: 0.1,
-            false_merges: 0.05,
+            false_merges: 0.01,
             match_scans: true,
             common_clock: true,
             refit: LandmarkRefit::Continuous,
