@@ -44,8 +44,9 @@ fn halves() -> [Run; 2] {
 /// Landmarks half a metre beside the shared way, where a robot looked.
 fn beside_the_way(ids: &[Option<&str>]) -> Vec<Landmark> {
     let along = |i: usize| building().truth[290 + i * 100 / ids.len().max(2)];
-    let place =
-        |i: usize| along(i).transform(Vector2::new(1.5, if i % 2 == 0 { 0.5 } else { -0.5 }));
+    let place = |i: usize| {
+        along(i).transform(Vector2::new(1.5, if i.is_multiple_of(2) { 0.5 } else { -0.5 }))
+    };
     ids.iter().enumerate().map(|(i, id)| tag(*id, place(i).x, place(i).y)).collect()
 }
 
