@@ -1,8 +1,8 @@
 //! The landmarks of a result: a table, and marks on the maps.
 
+use crate::mapping::MappedTeam;
 use crate::metrics::name_in_files;
 use crate::result::csv_field;
-use crate::team::MappedTeam;
 use rendering::{ClosureMark, MarkKind};
 use slam::IslandLandmark;
 use std::fmt::Write;
@@ -17,11 +17,10 @@ pub struct MappedLandmark {
 
 /// The landmarks by island, kind and id.
 pub fn landmarks_of(mapped: &MappedTeam) -> Vec<MappedLandmark> {
-    let placed = |landmark: IslandLandmark| MappedLandmark {
-        island: mapped.islands.index(landmark.patch),
-        landmark,
+    let placed = |landmark: IslandLandmark| {
+        Some(MappedLandmark { island: mapped.islands.index(landmark.patch)?, landmark })
     };
-    let mut all: Vec<_> = mapped.team.landmarks().into_iter().map(placed).collect();
+    let mut all: Vec<_> = mapped.team.landmarks().into_iter().filter_map(placed).collect();
     // Stable: several places of one id stay in their order, the one seen most often first.
     let key = |m: &MappedLandmark| (m.island, m.landmark.kind, m.landmark.id.clone());
     all.sort_by_key(key);

@@ -19,7 +19,8 @@ mod report;
 mod result;
 mod result_folder;
 mod scoring;
-mod team;
+mod site_info;
+mod site_writer;
 mod terminal;
 
 use clap::Parser;

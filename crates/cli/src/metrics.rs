@@ -1,6 +1,5 @@
 use crate::islands::title;
-use crate::mapping::{MappedRobot, path_length};
-use crate::team::MappedTeam;
+use crate::mapping::{LogFacts, MappedRobot, MappedTeam, path_length};
 use crate::terminal::{counted, grouped};
 use manifold::Provenance;
 use rendering::GridFrame;
@@ -25,7 +24,8 @@ pub struct Metrics {
     pub islands: Vec<IslandMetrics>,
     /// Islands that were joined, and those that may be but are not.
     pub merges: Vec<Merge>,
-    /// Wall-clock seconds by stage; `reading` runs beside the others, `waiting` is for the reader.
+    /// Wall-clock seconds by stage; `reading` runs beside the others, `waiting` is for the reader,
+    /// `writing` for the manifold file.
     pub times_secs: BTreeMap<String, f64>,
     /// Log seconds mapped in one second.
     pub times_real_time: f64,
@@ -42,36 +42,15 @@ pub struct LogMetrics {
     pub robot: String,
     /// Where it was.
     pub file: String,
-    /// From the least to the greatest stamp.
-    pub duration_secs: f64,
-    /// Lines in it.
-    pub lines: u64,
-    /// Scans mapped.
-    pub scans: u64,
+    /// What the reader made of it.
+    #[serde(flatten)]
+    pub facts: LogFacts,
     /// Scans that became patches.
     pub patches: usize,
     /// Length of the path, metres.
     pub path_m: f64,
     /// Numbers of the islands the robot's patches are on, from 1.
     pub islands: Vec<usize>,
-    /// Scans told twice.
-    pub duplicate_scans: u64,
-    /// Stamps that jump back.
-    pub stamps_back: u64,
-    /// Beams without a usable reading.
-    pub invalid_beams: u64,
-    /// Landmarks seen, those of the table beside the log included.
-    pub sightings: u64,
-    /// The table of landmarks beside the log, where there is one.
-    pub landmark_table: Option<String>,
-    /// Messages that are not scans.
-    pub skipped_messages: BTreeMap<String, u64>,
-    /// Lines that could not be used.
-    pub dropped_lines: u64,
-    /// The first of them, with reasons.
-    pub dropped: Vec<String>,
-    /// Why reading stopped early, if it did.
-    pub failure: Option<String>,
 }
 
 /// A connected map.
@@ -105,14 +84,24 @@ pub struct MapMetrics {
     pub path_m: f64,
 }
 
+/// Wall-clock time beside the mapping.
+#[derive(Clone, Copy, Debug)]
+pub struct Afterwards {
+    /// Drawing, and writing everything but the manifold file.
+    pub rendering: Duration,
+    /// Waiting for the manifold file, which is written beside all else.
+    pub writing: Duration,
+    /// From the beginning.
+    pub total: Duration,
+}
+
 impl Metrics {
     /// Gathers a run's figures; `frames` are those of the islands' drawn maps.
     pub fn new(
         mapped: &MappedTeam,
         landmarks: usize,
         frames: &[GridFrame],
-        rendering: Duration,
-        total: Duration,
+        after: &Afterwards,
     ) -> Self {
         let mut times = BTreeMap::new();
         let mut tell = |name: String, time: Duration| {
@@ -123,11 +112,12 @@ impl Metrics {
         for (stage, time) in &mapped.times.stages {
             tell(name_in_files(stage), *time);
         }
-        tell("rendering".into(), rendering);
-        tell("total".into(), total);
+        tell("rendering".into(), after.rendering);
+        tell("writing".into(), after.writing);
+        tell("total".into(), after.total);
         let logs = mapped.robots().map(|(id, robot)| LogMetrics::new(id, robot, mapped));
         let logs: Vec<LogMetrics> = logs.collect();
-        let duration_secs: f64 = logs.iter().map(|log| log.duration_secs).sum();
+        let duration_secs: f64 = logs.iter().map(|log| log.facts.duration_secs).sum();
         Metrics {
             version: env!("CARGO_PKG_VERSION"),
             map: MapMetrics::new(mapped, landmarks, &logs),
@@ -136,7 +126,7 @@ impl Metrics {
             islands: IslandMetrics::of(mapped, frames),
             merges: mapped.team.merges().to_vec(),
             times_secs: times,
-            times_real_time: duration_secs / total.as_secs_f64().max(1e-9),
+            times_real_time: duration_secs / after.total.as_secs_f64().max(1e-9),
             threads: rayon::current_num_threads(),
             peak_memory_mib: peak_memory_mib(),
         }
@@ -177,7 +167,7 @@ impl Metrics {
 }
 
 /// A merge in a line.
-fn merge_text(merge: &Merge) -> String {
+pub fn merge_text(merge: &Merge) -> String {
     let [one, other] = merge.robots.each_ref().map(|robots| title(robots));
     let evidence = &merge.evidence;
     let state = match merge.state {
@@ -199,35 +189,18 @@ fn merge_text(merge: &Merge) -> String {
 
 impl LogMetrics {
     fn new(id: RobotId, robot: &MappedRobot, mapped: &MappedTeam) -> Self {
-        let report = &robot.report;
         let manifold = mapped.team.manifold();
         let own = manifold.patches().iter().filter(|patch| patch.robot == id);
-        let islands: BTreeSet<usize> = own.map(|p| mapped.islands.index(p.id) + 1).collect();
+        let islands: BTreeSet<usize> =
+            own.filter_map(|p| Some(mapped.islands.index(p.id)? + 1)).collect();
         let file = std::path::absolute(&robot.log).unwrap_or_else(|_| robot.log.clone());
-        let table = report.landmark_table.as_ref();
-        let named = |t: &logs::TableReport| {
-            let file = t.file.display().to_string();
-            t.dropped.iter().map(|row| format!("{file}: {row}")).collect::<Vec<_>>()
-        };
-        let rows = table.map(named).unwrap_or_default();
         LogMetrics {
             robot: robot.name.clone(),
             file: file.display().to_string(),
-            duration_secs: robot.duration_secs,
-            lines: report.lines,
-            scans: report.scans,
+            facts: robot.facts.clone(),
             patches: robot.patch_scans.len(),
             path_m: path_length(&mapped.poses[usize::from(id.0)]),
             islands: islands.into_iter().collect(),
-            duplicate_scans: report.duplicates,
-            stamps_back: report.stamps_back,
-            invalid_beams: report.invalid_beams,
-            sightings: report.sightings + table.map_or(0, |t| t.sightings),
-            landmark_table: table.map(|t| t.file.display().to_string()),
-            skipped_messages: report.skipped.clone(),
-            dropped_lines: report.dropped_count + table.map_or(0, |t| t.dropped_count),
-            dropped: report.dropped.iter().map(ToString::to_string).chain(rows).collect(),
-            failure: report.failure.as_ref().map(ToString::to_string),
         }
     }
 
@@ -235,13 +208,14 @@ impl LogMetrics {
         let mut text = format!(
             "{}: {}, {:.0} m, {:.0} s of log\n",
             self.file,
-            counted(self.scans, "scan"),
+            counted(self.facts.scans, "scan"),
             self.path_m,
-            self.duration_secs,
+            self.facts.duration_secs,
         );
-        if self.dropped_lines > 0 || self.failure.is_some() {
-            text.push_str(&format!("  LOST: {}\n", counted(self.dropped_lines, "dropped line")));
-            for problem in self.dropped.iter().take(5).chain(&self.failure) {
+        if self.facts.is_lossy() {
+            let dropped = counted(self.facts.dropped_lines, "dropped line");
+            text.push_str(&format!("  LOST: {dropped}\n"));
+            for problem in self.facts.dropped.iter().take(5).chain(&self.facts.failure) {
                 text.push_str(&format!("    {problem}\n"));
             }
         }

@@ -2,11 +2,11 @@ use crate::config::Config;
 use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
 use crate::islands::{map_file, title};
 use crate::landmarks::{MappedLandmark, landmark_marks, landmarks_csv, landmarks_of};
-use crate::mapping::pose_graph;
-use crate::metrics::Metrics;
+use crate::mapping::{MappedTeam, pose_graph};
+use crate::metrics::{Afterwards, Metrics};
 use crate::report::report;
-use crate::result_folder::{METRICS, ResultFolder};
-use crate::team::MappedTeam;
+use crate::result_folder::{CONFIG, METRICS, ResultFolder};
+use crate::site_writer::SiteWriter;
 use anyhow::Result;
 use geometry::Pose2;
 use logs::write_tum;
@@ -60,12 +60,14 @@ impl Drawn {
     }
 }
 
-/// Writes everything a result folder holds and gives it its name.
+/// Writes everything a result folder holds, its figures last, and gives it its name. The manifold
+/// file is closed when all else is written.
 pub fn write_result(
     folder: ResultFolder,
     mapped: &MappedTeam,
     config: &Config,
     start: Instant,
+    site: SiteWriter,
 ) -> Result<Metrics> {
     let rendering = Instant::now();
     let landmarks = landmarks_of(mapped);
@@ -87,16 +89,37 @@ pub fn write_result(
     if !landmarks.is_empty() {
         folder.write("landmarks.csv", landmarks_csv(mapped, &landmarks).as_bytes())?;
     }
-    folder.write("config.toml", config.to_toml().as_bytes())?;
+    folder.write(CONFIG, config.to_toml().as_bytes())?;
     let rendering = rendering.elapsed();
-
+    let writing = Instant::now();
+    site.close()?;
+    let after = Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() };
     let frames: Vec<_> = drawn.iter().map(|island| *island.grid.frame()).collect();
-    let metrics = Metrics::new(mapped, landmarks.len(), &frames, rendering, start.elapsed());
+    let metrics = Metrics::new(mapped, landmarks.len(), &frames, &after);
     let html = report(mapped, &drawn, &metrics, config)?;
     folder.write("report.html", html.as_bytes())?;
     folder.write(METRICS, &serde_json::to_vec_pretty(&metrics)?)?;
     folder.commit()?;
     Ok(metrics)
+}
+
+/// The figures alone, where there is no result folder. Closes the manifold file.
+pub fn figures(
+    mapped: &MappedTeam,
+    config: &Config,
+    start: Instant,
+    site: SiteWriter,
+) -> Result<Metrics> {
+    let rendering = Instant::now();
+    let islands = 0..mapped.islands.islands.len();
+    let landmarks = landmarks_of(mapped);
+    let frame = |k| Ok(*Drawn::new(mapped, &landmarks, k, config)?.grid.frame());
+    let frames: Vec<_> = islands.map(frame).collect::<Result<_>>()?;
+    let rendering = rendering.elapsed();
+    let writing = Instant::now();
+    site.close()?;
+    let after = Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() };
+    Ok(Metrics::new(mapped, landmarks.len(), &frames, &after))
 }
 
 fn write_map(
@@ -131,7 +154,8 @@ fn patches_csv(mapped: &MappedTeam) -> String {
         // A robot's patches keep their order among the team's.
         let scan = robot.patch_scans[next[k]];
         next[k] += 1;
-        let island = mapped.islands.index(patch.id) + 1;
+        let island =
+            mapped.islands.index(patch.id).map_or_else(String::new, |k| (k + 1).to_string());
         let (stamp, name) = (&robot.stamps[scan], csv_field(&robot.name));
         let _ = writeln!(text, "{},{scan},{stamp},{name},{island}", patch.id.0);
     }

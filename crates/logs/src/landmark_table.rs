@@ -70,14 +70,19 @@ struct Row {
 }
 
 impl LandmarkTable {
+    /// Where the table beside a log is: `LOG.landmarks.csv`.
+    pub fn path_beside(log: &Path) -> PathBuf {
+        let mut name = log.as_os_str().to_owned();
+        name.push(".landmarks.csv");
+        PathBuf::from(name)
+    }
+
     /// The table beside a log, `LOG.landmarks.csv`, if there is one.
     ///
     /// # Errors
     /// When there is one and it cannot be opened or has no usable header.
     pub fn beside(log: &Path) -> Result<Option<Self>, LogError> {
-        let mut name = log.as_os_str().to_owned();
-        name.push(".landmarks.csv");
-        let path = PathBuf::from(name);
+        let path = Self::path_beside(log);
         path.is_file().then(|| Self::read(LogFile::open(&path)?.input, &path)).transpose()
     }
 

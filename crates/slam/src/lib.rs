@@ -37,5 +37,5 @@ pub use motion_model::OdometrySettings;
 pub use preparation::{Preparation, PreparedObservation};
 pub use refit::{RefitMethod, RefitSettings};
 pub use statistics::Statistics;
-pub use team::Team;
+pub use team::{StoredScan, StoredTeam, Team};
 pub use track::ScanPose;

@@ -9,7 +9,7 @@ use crate::track::{ScanPose, ScanRecord};
 use crate::{
     ClosingStatistics, Event, LandmarkRefit, SlamConfig, Stage, StageObserver, Unobserved,
 };
-use geometry::{GaussianPose2, LieGroup, Pose2};
+use geometry::{GaussianPose2, Pose2};
 use manifold::{Change, Manifold, PatchId, Provenance};
 use matching::CompactPoints;
 use sensing::Observation;
@@ -60,8 +60,7 @@ impl Mapper {
     /// [`Mapper::step`] for an observation prepared elsewhere, on another thread for example.
     pub fn step_prepared(&mut self, prepared: PreparedObservation) -> Vec<Event> {
         let PreparedObservation { mut observation, surface } = prepared;
-        observation.odom_from_base =
-            observation.odom_from_base.filter(|odom| self.config.odometry.enabled && is_sane(odom));
+        observation.odom_from_base = self.config.usable_odometry(observation.odom_from_base);
         let odom_from_base = observation.odom_from_base;
         let (stamp, sightings) = (observation.stamp, std::mem::take(&mut observation.sightings));
         let found = self
@@ -204,14 +203,6 @@ impl Mapper {
         result
     }
 }
-
-/// Odometry that can be a robot's: finite and on this planet. Anything else counts as missing.
-fn is_sane(odom_from_base: &Pose2) -> bool {
-    odom_from_base.is_finite() && odom_from_base.norm() < LARGEST_ODOMETRY_M
-}
-
-/// The Earth's circumference, metres.
-const LARGEST_ODOMETRY_M: f64 = 4e7;
 
 /// A closure that moves the robot less than this does not call for a new optimisation at once.
 const NOTICEABLE_M: f64 = 0.05;

@@ -130,7 +130,8 @@ pub enum Rejection {
 }
 
 /// How many candidates were tried and what became of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ClosingStatistics {
     /// Candidates verified.
     pub tried: usize,

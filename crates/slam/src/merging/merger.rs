@@ -6,7 +6,7 @@ use crate::SlamConfig;
 use crate::map::Map;
 use crate::refit::{doubt_relations, optimise_relations};
 use crate::track::ScanRecord;
-use manifold::{Islands, PatchId, Provenance, RelationId, Retraction};
+use manifold::{Islands, PatchId, Provenance, RelationId, RelationState, Retraction};
 use std::collections::BTreeSet;
 
 /// Joins a team's islands.
@@ -83,8 +83,10 @@ impl Merger {
     /// Notes what is likely but not sure enough.
     fn put_on_record(&mut self, map: &mut Map, islands: &Islands, proposals: &[Proposal]) {
         for proposal in proposals.iter().filter(|p| p.false_bound < WORTH_TELLING) {
-            let propose =
-                |l: &super::Link| map.manifold.propose(l.from, l.to, l.from_from_to, l.provenance);
+            let propose = |l: &super::Link| match on_record(map, l) {
+                Some(id) => id,
+                None => map.manifold.propose(l.from, l.to, l.from_from_to, l.provenance),
+            };
             let relations = proposal.links.iter().take(MOST_PROVISIONAL).map(propose).collect();
             self.note(map, islands, proposal, relations, MergeState::Provisional);
         }
@@ -111,6 +113,15 @@ impl Merger {
     }
 }
 
+/// The relation of a link that was proposed already.
+fn on_record(map: &Map, link: &super::Link) -> Option<RelationId> {
+    let same = |r: &&manifold::Relation| {
+        (r.from, r.to, r.provenance, r.state)
+            == (link.from, link.to, link.provenance, RelationState::Provisional)
+    };
+    map.manifold.relations().iter().find(same).map(|r| r.id)
+}
+
 /// The robots of some patches, by name.
 fn names(map: &Map, patches: &[PatchId]) -> Vec<String> {
     let ids: BTreeSet<_> = patches.iter().map(|&p| map.manifold.patch(p).robot).collect();
@@ -125,7 +136,7 @@ fn taken_back_by_user(map: &Map, islands: &Islands, proposal: &Proposal) -> bool
     let Some(ends) = proposal.ends(islands) else { return false };
     map.manifold.relations().iter().any(|r| {
         let across = (islands.of(r.from), islands.of(r.to));
-        r.state == manifold::RelationState::Retracted(Retraction::ByUser)
+        r.state == RelationState::Retracted(Retraction::ByUser)
             && robot(r.from) != robot(r.to)
             && (across == ends || across == (ends.1, ends.0))
     })

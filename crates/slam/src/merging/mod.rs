@@ -88,7 +88,7 @@ pub(crate) struct Proposal {
 }
 
 /// What speaks for and against a merge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EvidenceCounts {
     /// Matches that agree pairwise about how the islands lie to each other.
     pub matches: usize,
@@ -122,7 +122,7 @@ impl Add for EvidenceCounts {
 }
 
 /// What became of a proposal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MergeState {
     /// The islands were joined.
@@ -132,7 +132,7 @@ pub enum MergeState {
 }
 
 /// A merge that was made or considered.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Merge {
     /// Names of the robots on the two islands, as they were then.
     pub robots: [Vec<String>; 2],
