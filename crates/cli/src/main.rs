@@ -11,6 +11,7 @@ mod config;
 mod crossing;
 mod drawing;
 mod islands;
+mod landmarks;
 mod mapping;
 mod metrics;
 mod reading;

@@ -1,6 +1,7 @@
 use crate::islands::title;
 use crate::mapping::{LogFacts, MappedRobot, MappedTeam, path_length};
 use crate::terminal::{counted, grouped};
+use manifold::Provenance;
 use rendering::GridFrame;
 use sensing::RobotId;
 use serde::Serialize;
@@ -77,6 +78,8 @@ pub struct MapMetrics {
     pub islands: usize,
     /// Relations that hold, by provenance.
     pub relations: BTreeMap<String, usize>,
+    /// Landmarks that stand still; those whose id was seen at several places count as often.
+    pub landmarks: usize,
     /// Length of all paths, metres.
     pub path_m: f64,
 }
@@ -94,7 +97,12 @@ pub struct Afterwards {
 
 impl Metrics {
     /// Gathers a run's figures; `frames` are those of the islands' drawn maps.
-    pub fn new(mapped: &MappedTeam, frames: &[GridFrame], after: &Afterwards) -> Self {
+    pub fn new(
+        mapped: &MappedTeam,
+        landmarks: usize,
+        frames: &[GridFrame],
+        after: &Afterwards,
+    ) -> Self {
         let mut times = BTreeMap::new();
         let mut tell = |name: String, time: Duration| {
             times.insert(name, (time.as_secs_f64() * 1e6).round() / 1e6);
@@ -112,7 +120,7 @@ impl Metrics {
         let duration_secs: f64 = logs.iter().map(|log| log.facts.duration_secs).sum();
         Metrics {
             version: env!("CARGO_PKG_VERSION"),
-            map: MapMetrics::new(mapped, &logs),
+            map: MapMetrics::new(mapped, landmarks, &logs),
             logs,
             failures: mapped.failures.clone(),
             islands: IslandMetrics::of(mapped, frames),
@@ -139,8 +147,12 @@ impl Metrics {
             }
         }
         let counts = &self.map.counts;
+        let landmarks = match self.map.landmarks {
+            0 => String::new(),
+            n => format!(", {}", counted(n as u64, "landmark")),
+        };
         text.push_str(&format!(
-            "  {} patches, {} of {} accepted\n  {:.2} s ({}x real time)",
+            "  {} patches{landmarks}, {} of {} accepted\n  {:.2} s ({}x real time)",
             grouped(counts.patches as u64),
             grouped(counts.closures.accepted as u64),
             counted(counts.closures.tried as u64, "closure"),
@@ -162,9 +174,14 @@ pub fn merge_text(merge: &Merge) -> String {
         MergeState::Merged => "merged",
         MergeState::Provisional => "not merged, evidence too weak",
     };
+    let witness = match merge.provenance {
+        Provenance::Landmark => "landmark",
+        Provenance::Rendezvous => "meeting",
+        _ => "place",
+    };
     format!(
         "{one} | {other}: {state}; {} agreeing, {} contradicting, estimated chance of being wrong {:.1e}",
-        counted(evidence.agreeing as u64, "place"),
+        counted(evidence.agreeing as u64, witness),
         evidence.contradicting,
         merge.false_bound,
     )
@@ -227,7 +244,7 @@ impl IslandMetrics {
 }
 
 impl MapMetrics {
-    fn new(mapped: &MappedTeam, logs: &[LogMetrics]) -> Self {
+    fn new(mapped: &MappedTeam, landmarks: usize, logs: &[LogMetrics]) -> Self {
         let mut relations = BTreeMap::new();
         for relation in mapped.team.manifold().active_relations() {
             *relations.entry(name_in_files(&relation.provenance)).or_default() += 1;
@@ -236,13 +253,14 @@ impl MapMetrics {
             counts: mapped.team.statistics(),
             islands: mapped.islands.islands.len(),
             relations,
+            landmarks,
             path_m: logs.iter().map(|log| log.path_m).sum(),
         }
     }
 }
 
 /// The name a stage or provenance has in files.
-fn name_in_files(value: &(impl Serialize + std::fmt::Debug)) -> String {
+pub fn name_in_files(value: &(impl Serialize + std::fmt::Debug)) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,
         _ => format!("{value:?}"),

@@ -13,6 +13,8 @@ mod commands;
 mod cut;
 #[path = "oracles/editing.rs"]
 mod editing;
+#[path = "oracles/landmarks.rs"]
+mod landmarks;
 #[path = "oracles/scores.rs"]
 mod scores;
 #[path = "oracles/sites.rs"]

@@ -28,6 +28,8 @@ pub(crate) struct FrontEnd {
 pub(crate) struct Localisation {
     pub patch: PatchId,
     pub patch_from_base: Pose2,
+    /// Covariance of `patch_from_base`; none at a patch.
+    pub covariance: Matrix3<f64>,
     pub is_patch: bool,
     pub recovered: bool,
     /// Share of the scan that the submap explains; 1 for the first scan.
@@ -85,7 +87,11 @@ impl FrontEnd {
             (patch, anchor_from_patch.between(&pose), false)
         };
         let explained = result.inlier_ratio;
-        Localisation { patch, patch_from_base, is_patch, recovered: poor, explained }
+        let covariance = match is_patch {
+            true => Matrix3::zeros(),
+            false => self.config.relation_covariance(&result.covariance, Some(expected)),
+        };
+        Localisation { patch, patch_from_base, covariance, is_patch, recovered: poor, explained }
     }
 
     /// Where the scan may have been taken, in the submap's frame.
@@ -124,6 +130,7 @@ impl FrontEnd {
         Localisation {
             patch,
             patch_from_base: Pose2::IDENTITY,
+            covariance: Matrix3::zeros(),
             is_patch: true,
             recovered: false,
             explained: 1.0,

@@ -1,11 +1,14 @@
 use crate::front_end::{FrontEnd, Localisation};
-use crate::loop_closing::{LoopCloser, relate};
+use crate::loop_closing::{LandmarkCloser, LoopCloser, relate};
 use crate::map::Map;
 use crate::preparation::{Preparation, PreparedObservation};
 use crate::refit::{optimise_relations, refit, relocalise};
+use crate::sightings::note_sightings;
 use crate::statistics::Statistics;
 use crate::track::{ScanPose, ScanRecord};
-use crate::{ClosingStatistics, Event, SlamConfig, Stage, StageObserver, Unobserved};
+use crate::{
+    ClosingStatistics, Event, LandmarkRefit, SlamConfig, Stage, StageObserver, Unobserved,
+};
 use geometry::Pose2;
 use manifold::{Change, Manifold, PatchId};
 use matching::CompactPoints;
@@ -20,6 +23,7 @@ pub struct Mapper {
     preparation: Preparation,
     front_end: FrontEnd,
     closer: LoopCloser,
+    landmarks: LandmarkCloser,
     pub(crate) map: Map,
     pub(crate) scans: Vec<ScanRecord>,
     statistics: Statistics,
@@ -39,6 +43,7 @@ impl Mapper {
             preparation: Preparation::new(&config),
             front_end: FrontEnd::new(config),
             closer: LoopCloser::new(&config),
+            landmarks: LandmarkCloser::new(&config),
             map: Map::default(),
             scans: Vec::new(),
             statistics: Statistics::default(),
@@ -57,15 +62,19 @@ impl Mapper {
         let PreparedObservation { mut observation, surface } = prepared;
         observation.odom_from_base = self.config.usable_odometry(observation.odom_from_base);
         let odom_from_base = observation.odom_from_base;
+        let (stamp, sightings) = (observation.stamp, std::mem::take(&mut observation.sightings));
         let found = self
             .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
         self.count(&found);
+        let noted = self.map.manifold.sightings().len();
+        note_sightings(&mut self.map, &found, stamp, &sightings);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
         let surface = CompactPoints::new(&surface);
-        self.scans.push(ScanRecord { found: pose, pose, odom_from_base, surface });
+        self.scans.push(ScanRecord { found: pose, pose, stamp, odom_from_base, surface });
         if found.is_patch {
             self.close_loops(found.patch);
         }
+        self.close_by_landmarks(noted);
         let mut events = vec![Event::Localised(self.scans.len() - 1, pose)];
         events.extend(self.map.manifold.take_journal().into_iter().map(Event::Map));
         events
@@ -126,6 +135,24 @@ impl Mapper {
         if relate(&mut self.map, &closures, &self.config) {
             self.optimise();
             self.front_end.relocate(&self.map, patch);
+        }
+    }
+
+    /// Looks for loops that the landmarks just noted close, those from `first` on.
+    fn close_by_landmarks(&mut self, first: usize) {
+        if self.map.manifold.sightings().len() == first {
+            return;
+        }
+        let links = self.timed(Stage::LoopClosing, |m| m.landmarks.search(first, &m.map));
+        for link in &links {
+            self.map.manifold.relate(link.from, link.to, link.from_from_to, link.provenance);
+        }
+        self.closer.statistics.tried += links.len();
+        self.closer.statistics.accepted += links.len();
+        let at_once = self.config.merging.landmarks.refit == LandmarkRefit::Continuous;
+        if let Some(link) = links.first().filter(|_| at_once) {
+            self.optimise();
+            self.front_end.relocate(&self.map, link.to);
         }
     }
 

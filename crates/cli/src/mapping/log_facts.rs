@@ -21,6 +21,10 @@ pub struct LogFacts {
     pub stamps_back: u64,
     /// Beams without a usable reading.
     pub invalid_beams: u64,
+    /// Landmarks seen, those of the table beside the log included.
+    pub sightings: u64,
+    /// The table of landmarks beside the log, where there is one.
+    pub landmark_table: Option<String>,
     /// Messages that are not scans.
     pub skipped_messages: BTreeMap<String, u64>,
     /// Lines that could not be used.
@@ -34,6 +38,10 @@ pub struct LogFacts {
 impl LogFacts {
     /// Puts a reader's report into figures.
     pub fn new(report: &ReadReport, duration_secs: f64) -> Self {
+        let table = report.landmark_table.as_ref();
+        let rows = table
+            .into_iter()
+            .flat_map(|t| t.dropped.iter().map(|row| format!("{}: {row}", t.file.display())));
         LogFacts {
             duration_secs,
             lines: report.lines,
@@ -41,9 +49,11 @@ impl LogFacts {
             duplicate_scans: report.duplicates,
             stamps_back: report.stamps_back,
             invalid_beams: report.invalid_beams,
+            sightings: report.sightings + table.map_or(0, |t| t.sightings),
+            landmark_table: table.map(|t| t.file.display().to_string()),
             skipped_messages: report.skipped.clone(),
-            dropped_lines: report.dropped_count,
-            dropped: report.dropped.iter().map(ToString::to_string).collect(),
+            dropped_lines: report.dropped_count + table.map_or(0, |t| t.dropped_count),
+            dropped: report.dropped.iter().map(ToString::to_string).chain(rows).collect(),
             failure: report.failure.as_ref().map(ToString::to_string),
         }
     }

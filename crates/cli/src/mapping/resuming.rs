@@ -81,7 +81,7 @@ fn stored_scans(site: &Site, robot: RobotId) -> Vec<StoredScan> {
                 })
             });
             let (pose, odom_from_base) = (at(scan.patch_from_base), scan.odom_from_base);
-            StoredScan { found, pose, odom_from_base, observation }
+            StoredScan { found, pose, stamp: scan.stamp, odom_from_base, observation }
         })
         .collect()
 }

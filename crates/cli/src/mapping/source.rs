@@ -2,7 +2,7 @@ use super::incoming::{IncomingScan, preparing, read_options};
 use crate::config::Config;
 use crate::reading::Reading;
 use anyhow::{Context, Result, bail};
-use logs::LogFile;
+use logs::{LandmarkTable, LogFile};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -25,21 +25,16 @@ impl LogSource {
         LogSource { name: stem(path), path: path.to_owned(), text: None }
     }
 
-    /// By what the log is known again.
+    /// By what the log is known again, with the landmarks in a table beside it.
     pub fn content_hash(&self) -> Result<String> {
         let hash = ContentHash::default();
         if let Some(text) = &self.text {
             return Ok(hash.update(text).to_text());
         }
-        let cannot = || format!("{}: cannot read", self.path.display());
-        let mut file = File::open(&self.path).with_context(cannot)?;
-        let (mut hash, mut piece) = (hash, vec![0; 1 << 16]);
-        loop {
-            match file.read(&mut piece).with_context(cannot)? {
-                0 => return Ok(hash.to_text()),
-                count => hash = hash.update(&piece[..count]),
-            }
-        }
+        let hash = hash_of_file(hash, &self.path)?;
+        let table = LandmarkTable::path_beside(&self.path);
+        let hash = if table.is_file() { hash_of_file(hash, &table)? } else { hash };
+        Ok(hash.to_text())
     }
 
     /// Begins to read it.
@@ -50,6 +45,18 @@ impl LogSource {
         }
         let file = LogFile::open(&self.path)?;
         Reading::of_file(file, &self.path, options, preparing(config))
+    }
+}
+
+fn hash_of_file(mut hash: ContentHash, path: &Path) -> Result<ContentHash> {
+    let cannot = || format!("{}: cannot read", path.display());
+    let mut file = File::open(path).with_context(cannot)?;
+    let mut piece = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut piece).with_context(cannot)? {
+            0 => return Ok(hash),
+            count => hash = hash.update(&piece[..count]),
+        }
     }
 }
 

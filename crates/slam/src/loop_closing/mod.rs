@@ -2,6 +2,7 @@
 //! place, searched by branch and bound, verified, and accepted only in sets that agree with one
 //! another.
 
+mod by_landmark;
 mod candidates;
 mod consistency;
 mod other_robots;
@@ -22,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use statistics::{ClosingStatistics, Rejection};
 
+pub(crate) use by_landmark::LandmarkCloser;
 pub(crate) use candidates::{Candidate, SearchArea};
 pub(crate) use signature::{Signature, signature_of};
 pub(crate) use verification::Verifier;

@@ -35,6 +35,11 @@ impl Agenda {
         self.refused.extend(pairs);
     }
 
+    /// True for a pair that need not be examined any more.
+    pub fn is_refused(&self, ends: Option<(usize, usize)>, islands: &Islands) -> bool {
+        ends.is_none_or(|ends| self.refused.contains(&firsts(ends, islands)))
+    }
+
     /// The pairs to be examined now: no island is in two of them.
     pub fn next(&mut self, islands: &Islands) -> Vec<IslandPair> {
         let refused = &self.refused;

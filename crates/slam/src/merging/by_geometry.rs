@@ -112,7 +112,7 @@ impl GeometricMerging {
             let look =
                 |set: &Vec<_>| (set.len(), examine(map, islands, set, source, &grid, config));
             let examined: Vec<(usize, Evidence)> = pair.sets.iter().map(look).collect();
-            choose(map, examined, self.usually_through)
+            choose(map, examined, self.usually_through, config.merging.false_merges)
         };
         pairs.par_iter().filter_map(best).collect()
     }
@@ -176,7 +176,12 @@ fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
 }
 
 /// The best alignment of two islands, doubted as far as another one has evidence too.
-fn choose(map: &Map, examined: Vec<(usize, Evidence)>, usually_through: f64) -> Option<Proposal> {
+fn choose(
+    map: &Map,
+    examined: Vec<(usize, Evidence)>,
+    usually_through: f64,
+    most_false: f64,
+) -> Option<Proposal> {
     let bound = |e: &Evidence| -> f64 {
         let beyond = (e.seen_through - usually_through - MARGIN_THROUGH).max(0.0);
         FALSE_FIT.powi(e.agreeing as i32 - 1)
@@ -200,6 +205,7 @@ fn choose(map: &Map, examined: Vec<(usize, Evidence)>, usually_through: f64) -> 
         provenance: Provenance::Merge,
     };
     Some(Proposal {
+        most_false,
         target_from_source: alignment(map, &evidence.links)?,
         evidence: EvidenceCounts {
             matches,

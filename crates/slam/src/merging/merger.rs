@@ -1,9 +1,12 @@
 use super::agenda::{Agenda, firsts};
 use super::by_geometry::GeometricMerging;
+use super::landmarks::propose_by_landmarks;
+use super::together::together;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
 use crate::map::Map;
 use crate::refit::{doubt_relations, optimise_islands};
+use crate::track::ScanRecord;
 use manifold::{Islands, PatchId, Provenance, RelationId, RelationState, Retraction};
 use std::collections::BTreeSet;
 
@@ -27,45 +30,78 @@ const MOST_PROVISIONAL: usize = 10;
 
 impl Merger {
     /// Joins islands as long as the evidence suffices. Where nothing joins any more further places
-    /// are compared.
-    pub fn run(&mut self, map: &mut Map, config: &SlamConfig) {
-        let mut geometry = GeometricMerging::new(map, config);
+    /// are compared; landmarks are heard when all places were. `tracks` are the robots' scans, in
+    /// the order of the robots.
+    pub fn run(&mut self, map: &mut Map, tracks: &[&[ScanRecord]], config: &SlamConfig) {
+        let mut geometry = config.merging.geometry.then(|| GeometricMerging::new(map, config));
         let mut islands = map.manifold.component_map();
         let mut left = Vec::new();
-        while islands.members.len() > 1 && geometry.look(map, &islands, config) {
-            left = self.join_all(map, &mut islands, &geometry, config);
+        let by_landmarks =
+            |map: &Map, islands: &Islands| propose_by_landmarks(map, islands, tracks, config);
+        if let Some(geometry) = &mut geometry {
+            while islands.members.len() > 1 && geometry.look(map, &islands, config) {
+                left =
+                    self.join_all(map, &mut islands, Some(geometry), by_landmarks, false, config);
+            }
         }
-        self.tried += geometry.tried();
+        if islands.members.len() > 1 && !map.manifold.sightings().is_empty() {
+            let geometry = geometry.as_ref();
+            left = self.join_all(map, &mut islands, geometry, by_landmarks, true, config);
+        }
+        self.tried += geometry.as_ref().map_or(0, GeometricMerging::tried);
         self.put_on_record(map, &islands, &left);
         // A merge whose relations were all found wrong is none.
         let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
-    /// Joins islands by what was compared so far; the proposals that are left.
+    /// Joins islands by what was compared so far together with what landmarks say, `alone` also by
+    /// landmarks without any place; the proposals that are left.
     fn join_all(
         &mut self,
         map: &mut Map,
         islands: &mut Islands,
-        geometry: &GeometricMerging,
+        geometry: Option<&GeometricMerging>,
+        by_landmarks: impl Fn(&Map, &Islands) -> Vec<Proposal>,
+        alone: bool,
         config: &SlamConfig,
     ) -> Vec<Proposal> {
+        let look = |map: &Map, islands: &Islands, is_new: &dyn Fn(usize) -> bool| {
+            geometry.map_or_else(Vec::new, |g| g.pairs(map, islands, is_new, config))
+        };
         let mut agenda = Agenda::default();
-        agenda.add(geometry.pairs(map, islands, |_| true, config));
+        agenda.add(look(map, islands, &|_| true));
         let mut unsure: Vec<Proposal> = Vec::new();
         loop {
             let pairs = agenda.next(islands);
-            if pairs.is_empty() {
-                return unsure;
+            let is_heard = pairs.is_empty();
+            let by_geometry = match geometry {
+                _ if is_heard => unsure.clone(),
+                Some(geometry) => geometry.propose(map, islands, &pairs, config),
+                None => Vec::new(),
+            };
+            let mut landmarks = by_landmarks(map, islands);
+            if !(is_heard && alone) {
+                landmarks.retain(|p| {
+                    by_geometry.iter().any(|g| pair_of(g, islands) == pair_of(p, islands))
+                });
             }
-            let mut found = geometry.propose(map, islands, &pairs, config);
-            found.retain(|p| !taken_back_by_user(map, islands, p));
-            let is_sure = |p: &Proposal| p.false_bound <= config.merging.false_merges;
-            let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(is_sure);
-            unsure.extend(others);
+            let mut found = together(map, islands, by_geometry.clone(), landmarks);
+            found.retain(|p| {
+                !taken_back_by_user(map, islands, p) && !agenda.is_refused(p.ends(islands), islands)
+            });
+            let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(Proposal::is_sure);
+            if sure.is_empty() && is_heard {
+                return others;
+            }
+            if !is_heard {
+                // Without what landmarks say: that is asked again.
+                unsure.extend(by_geometry);
+            }
             if sure.is_empty() {
                 continue;
             }
+            let sure = disjoint(sure, islands);
             let ends = self.join(map, islands, &sure);
             *islands = map.manifold.component_map();
             let which = ends.iter().map(|&patch| islands.of(patch)).collect();
@@ -82,7 +118,7 @@ impl Merger {
                 p.ends(islands).filter(|(a, b)| a != b).map(|ends| firsts(ends, islands))
             };
             agenda.refuse(sure.iter().filter_map(apart));
-            agenda.add(geometry.pairs(map, islands, is_new, config));
+            agenda.add(look(map, islands, &is_new));
         }
     }
 
@@ -165,4 +201,26 @@ fn taken_back_by_user(map: &Map, islands: &Islands, proposal: &Proposal) -> bool
             && robot(r.from) != robot(r.to)
             && (across == ends || across == (ends.1, ends.0))
     })
+}
+
+/// Of proposals those that each have their islands for themselves, the surest first.
+fn disjoint(mut proposals: Vec<Proposal>, islands: &Islands) -> Vec<Proposal> {
+    proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
+    let mut busy = BTreeSet::new();
+    let mut is_free = |p: &Proposal| {
+        p.ends(islands).is_some_and(|(a, b)| {
+            let free = !busy.contains(&a) && !busy.contains(&b);
+            if free {
+                busy.extend([a, b]);
+            }
+            free
+        })
+    };
+    proposals.retain(|p| is_free(p));
+    proposals
+}
+
+/// The two islands of a proposal, in order.
+fn pair_of(proposal: &Proposal, islands: &Islands) -> Option<(usize, usize)> {
+    proposal.ends(islands).map(|(a, b)| (a.min(b), a.max(b)))
 }

@@ -3,17 +3,25 @@
 mod agenda;
 mod by_geometry;
 mod evidence;
+mod landmarks;
 mod merger;
 mod places;
 mod recognition;
 mod sets;
+mod together;
 
+pub(crate) use landmarks::{GATE_CHI2, carried, places_of, point_jacobian, revisit, turned};
+pub use landmarks::{
+    IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit, LandmarkSettings,
+    compare_landmarks,
+};
 pub(crate) use merger::Merger;
 
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2};
 use manifold::{Islands, PatchId, Provenance, RelationId};
 use serde::{Deserialize, Serialize};
+use std::ops::Add;
 
 /// Joining islands.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +29,8 @@ use serde::{Deserialize, Serialize};
 pub struct MergingSettings {
     /// Look for merges.
     pub enabled: bool,
+    /// Look for them by geometry: places that look alike.
+    pub geometry: bool,
     /// Islands are joined only when the chance that this is wrong is bounded by so much; what falls
     /// short is put on record as provisional. The default lets five places that fit pass.
     pub false_merges: f64,
@@ -40,12 +50,15 @@ pub struct MergingSettings {
     pub share: f64,
     /// Matches that must agree before a merge is looked into.
     pub least_agreeing: usize,
+    /// Joining them by landmarks, and closing loops by them.
+    pub landmarks: LandmarkSettings,
 }
 
 impl Default for MergingSettings {
     fn default() -> Self {
         MergingSettings {
             enabled: true,
+            geometry: true,
             false_merges: 1.1e-4,
             spacing_m: 2.0,
             candidates: 10,
@@ -55,6 +68,7 @@ impl Default for MergingSettings {
             query_patches: 8,
             share: 0.6,
             least_agreeing: 3,
+            landmarks: LandmarkSettings::default(),
         }
     }
 }
@@ -70,6 +84,8 @@ pub(crate) struct Proposal {
     pub links: Vec<Link>,
     /// Bound on the chance that the proposal is wrong.
     pub false_bound: f64,
+    /// With evidence of this kind that may be so much.
+    pub most_false: f64,
 }
 
 /// What speaks for and against a merge.
@@ -88,6 +104,22 @@ pub struct EvidenceCounts {
     pub fitting: usize,
     /// Mean share of sight lines through the other island's walls, per mille.
     pub seen_through_per_mille: u32,
+}
+
+impl Add for EvidenceCounts {
+    type Output = Self;
+
+    /// The counts of two kinds of evidence for the same.
+    fn add(self, other: Self) -> Self {
+        EvidenceCounts {
+            matches: self.matches + other.matches,
+            agreeing: self.agreeing + other.agreeing,
+            contradicting: self.contradicting + other.contradicting,
+            places: self.places + other.places,
+            fitting: self.fitting + other.fitting,
+            seen_through_per_mille: self.seen_through_per_mille.max(other.seen_through_per_mille),
+        }
+    }
 }
 
 /// What became of a proposal.
@@ -129,6 +161,11 @@ pub(crate) struct Link {
 }
 
 impl Proposal {
+    /// True when the evidence suffices to join the islands.
+    pub fn is_sure(&self) -> bool {
+        self.false_bound <= self.most_false
+    }
+
     /// The indices of the two islands, target first.
     pub fn ends(&self, islands: &Islands) -> Option<(usize, usize)> {
         let link = self.links.first()?;

@@ -4,7 +4,7 @@ pub use resuming::{StoredScan, StoredTeam};
 
 use crate::loop_closing::{LoopCloser, relate};
 use crate::map::Map;
-use crate::merging::{Merge, MergeState, Merger};
+use crate::merging::{IslandLandmark, Merge, MergeState, Merger, places_of};
 use crate::refit::{optimise_relations, refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
@@ -231,6 +231,13 @@ impl Team {
         &self.merges
     }
 
+    /// The landmarks that stand still, island by island, where the map now has them. An id that was
+    /// seen at several places, read wrong or moved, is there several times.
+    pub fn landmarks(&self) -> Vec<IslandLandmark> {
+        let manifold = &self.map.manifold;
+        places_of(manifold, &manifold.component_map()).into_iter().flatten().collect()
+    }
+
     /// Counts of one robot's own mapping.
     pub fn robot_statistics(&self, robot: RobotId) -> Statistics {
         self.tracks[usize::from(robot.0)].statistics
@@ -250,7 +257,8 @@ impl Team {
         let config = self.config;
         let merger = self.timed(Stage::Merging, |t| {
             let mut merger = Merger::default();
-            merger.run(&mut t.map, &config);
+            let tracks: Vec<_> = t.tracks.iter().map(|track| &track.scans[..]).collect();
+            merger.run(&mut t.map, &tracks, &config);
             merger
         });
         // What may be merged was looked at anew.

@@ -7,7 +7,7 @@ use geometry::Pose2;
 use manifold::{Manifold, Patch, PatchId};
 use matching::{CompactPoints, LinePoint};
 use rayon::prelude::*;
-use sensing::{Observation, RobotId};
+use sensing::{Observation, RobotId, Stamp};
 
 /// Scans prepared together on one thread.
 const BATCH: usize = 64;
@@ -32,6 +32,8 @@ pub struct StoredScan {
     pub found: ScanPose,
     /// Where the last global pass has it.
     pub pose: ScanPose,
+    /// Its stamp.
+    pub stamp: Stamp,
     /// The robot in its odometry frame, where that is known.
     pub odom_from_base: Option<Pose2>,
     /// The scan with its mounting and sweep; without it the scan's place follows from its
@@ -111,6 +113,7 @@ fn records(config: &SlamConfig, scans: Vec<StoredScan>) -> Vec<ScanRecord> {
         ScanRecord {
             found: scan.found,
             pose: scan.pose,
+            stamp: scan.stamp,
             odom_from_base: config.usable_odometry(scan.odom_from_base),
             surface: CompactPoints::new(&surface),
         }
