@@ -1,5 +1,5 @@
 use crate::front_end::{FrontEnd, Localisation};
-use crate::loop_closing::{Closure, LandmarkCloser, LoopCloser};
+use crate::loop_closing::{LandmarkCloser, LoopCloser, relate};
 use crate::map::Map;
 use crate::preparation::{Preparation, PreparedObservation};
 use crate::refit::{optimise_relations, refit, relocalise};
@@ -9,8 +9,8 @@ use crate::track::{ScanPose, ScanRecord};
 use crate::{
     ClosingStatistics, Event, LandmarkRefit, SlamConfig, Stage, StageObserver, Unobserved,
 };
-use geometry::{GaussianPose2, Pose2};
-use manifold::{Change, Manifold, PatchId, Provenance};
+use geometry::Pose2;
+use manifold::{Change, Manifold, PatchId};
 use matching::CompactPoints;
 use sensing::Observation;
 
@@ -132,7 +132,7 @@ impl Mapper {
     /// Looks for loops that end at a new patch; re-estimates the map when one moves it.
     fn close_loops(&mut self, patch: PatchId) {
         let closures = self.timed(Stage::LoopClosing, |m| m.closer.search(patch, &m.map));
-        if self.relate(&closures) {
+        if relate(&mut self.map, &closures, &self.config) {
             self.optimise();
             self.front_end.relocate(&self.map, patch);
         }
@@ -156,28 +156,13 @@ impl Mapper {
         }
     }
 
-    /// Adds closures to the map; true when one of them moves it noticeably.
-    fn relate(&mut self, closures: &[Closure]) -> bool {
-        let mut moved = false;
-        for closure in closures {
-            let matched = closure.result.covariance * self.config.closing.caution;
-            let covariance = self.config.relation_covariance(&matched, None);
-            let relation = GaussianPose2 { mean: closure.result.pose, covariance };
-            let (from, to) = (closure.from, closure.to);
-            self.map.manifold.relate(from, to, relation, Provenance::LoopClosure);
-            moved |=
-                closure.shift.norm() > NOTICEABLE_M || closure.shift.yaw.abs() > NOTICEABLE_RAD;
-        }
-        moved
-    }
-
     /// Searches once more from every patch: the map is known better now than when each was new, and
     /// what was too vague to find then may be near at hand.
     fn look_again(&mut self) {
         let patches: Vec<PatchId> = self.map.manifold.patches().iter().map(|p| p.id).collect();
         let closures = self.timed(Stage::LoopClosing, |m| m.closer.search_all(&patches, &m.map));
         if !closures.is_empty() {
-            self.relate(&closures);
+            relate(&mut self.map, &closures, &self.config);
             self.optimise();
         }
     }
@@ -203,7 +188,3 @@ impl Mapper {
         result
     }
 }
-
-/// A closure that moves the robot less than this does not call for a new optimisation at once.
-const NOTICEABLE_M: f64 = 0.05;
-const NOTICEABLE_RAD: f64 = 0.01;

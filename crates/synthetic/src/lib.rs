@@ -14,6 +14,9 @@
 //! then the buildings made of them and the CARMEN writer.
 
 mod buildings;
+mod campus;
+mod campus_parts;
+mod campus_site;
 mod carmen;
 mod drive;
 mod error;
@@ -37,6 +40,7 @@ mod wood;
 pub use buildings::{
     circular_room, corridor, corridor_run, two_loop_building, two_loop_building_with,
 };
+pub use campus::Campus;
 pub use carmen::{write_carmen, write_relations, write_truth};
 pub use drive::Drive;
 pub use error::SyntheticError;

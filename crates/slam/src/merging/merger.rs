@@ -1,10 +1,11 @@
-use super::by_geometry::GeometricMerging;
+use super::agenda::{Agenda, firsts};
+use super::by_geometry::{GeometricMerging, IslandPair};
 use super::landmarks::propose_by_landmarks;
 use super::together::together;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
 use crate::map::Map;
-use crate::refit::{doubt_relations, optimise_relations};
+use crate::refit::{doubt_relations, optimise_islands};
 use crate::track::ScanRecord;
 use manifold::{Islands, PatchId, Provenance, RelationId, RelationState, Retraction};
 use std::collections::BTreeSet;
@@ -28,56 +29,98 @@ const WORTH_TELLING: f64 = 0.1;
 const MOST_PROVISIONAL: usize = 10;
 
 impl Merger {
-    /// Joins islands as long as the evidence suffices. In every round each island takes part in one
-    /// merge at most, the surest first; what joined is looked at anew, as one island has more to
-    /// compare than its parts. `tracks` are the robots' scans, in the order of the robots.
+    /// Joins islands as long as the evidence suffices. Where nothing joins any more further places
+    /// are compared. `tracks` are the robots' scans, in the order of the robots.
     pub fn run(&mut self, map: &mut Map, tracks: &[&[ScanRecord]], config: &SlamConfig) {
-        let geometry = config.merging.geometry.then(|| GeometricMerging::new(map, config));
-        self.tried += geometry.as_ref().map_or(0, |geometry| geometry.tried);
-        loop {
-            let islands = map.manifold.component_map();
-            let by_geometry = geometry.as_ref().map(|g| g.propose(map, &islands, config));
-            let by_landmarks = propose_by_landmarks(map, &islands, tracks, config);
-            let by_geometry = by_geometry.unwrap_or_default();
-            let mut proposals = together(map, &islands, by_geometry, by_landmarks);
-            proposals.retain(|p| !taken_back_by_user(map, &islands, p));
-            proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
-            if !self.join_surest(map, &islands, &proposals) {
-                self.put_on_record(map, &islands, &proposals);
+        let mut geometry = config.merging.geometry.then(|| GeometricMerging::new(map, config));
+        let mut islands = map.manifold.component_map();
+        let (mut left, mut looked) = (Vec::new(), true);
+        for pass in 0.. {
+            looked &= geometry.as_mut().is_some_and(|g| g.look(map, &islands, config));
+            // Landmarks are compared in any case.
+            if islands.members.len() < 2 || pass > 0 && !looked {
                 break;
             }
-            self.contradicted += optimise_relations(map, config).len();
-            self.optimisations += 1;
-            // Where all that was joined has come apart again, nothing new is to be learnt.
-            if map.manifold.component_map().members.len() == islands.members.len() {
-                break;
-            }
+            left = self.join_all(map, &mut islands, geometry.as_ref(), tracks, config);
         }
+        self.tried += geometry.map_or(0, |geometry| geometry.tried());
+        self.put_on_record(map, &islands, &left);
         // A merge whose relations were all found wrong is none.
         let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
-    /// Joins islands whose proposals are sure enough; true if any were.
-    fn join_surest(&mut self, map: &mut Map, islands: &Islands, proposals: &[Proposal]) -> bool {
-        let mut busy = BTreeSet::new();
-        let sure = proposals.iter().filter(|p| p.is_sure());
-        let mut any = false;
-        for proposal in sure {
-            let Some((target, source)) = proposal.ends(islands) else { continue };
-            if busy.contains(&target) || busy.contains(&source) {
+    /// Joins islands by what was compared so far, and by landmarks; the proposals that are left.
+    fn join_all(
+        &mut self,
+        map: &mut Map,
+        islands: &mut Islands,
+        geometry: Option<&GeometricMerging>,
+        tracks: &[&[ScanRecord]],
+        config: &SlamConfig,
+    ) -> Vec<Proposal> {
+        let mut agenda = Agenda::default();
+        let (mut unsure, mut by_landmarks): (Vec<Proposal>, Vec<Proposal>) = Default::default();
+        let mut new: BTreeSet<usize> = (0..islands.members.len()).collect();
+        loop {
+            let is_new = |island: usize| new.contains(&island);
+            if !new.is_empty() {
+                agenda.add(geometry.map_or(Vec::new(), |g| g.pairs(map, islands, is_new, config)));
+                let mut found = propose_by_landmarks(map, islands, tracks, is_new, config);
+                found.retain(|p| p.ends(islands).is_some_and(|e| !agenda.refuses(e, islands)));
+                by_landmarks.extend(found);
+                new.clear();
+            }
+            let pairs = agenda.next(islands);
+            let landmarks = due(&mut by_landmarks, &pairs, islands);
+            if pairs.is_empty() && landmarks.is_empty() {
+                return unsure;
+            }
+            let found = geometry.map_or(Vec::new(), |g| g.propose(map, islands, &pairs, config));
+            let mut found = together(map, islands, found, landmarks);
+            found.retain(|p| !taken_back_by_user(map, islands, p));
+            let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(Proposal::is_sure);
+            unsure.extend(others);
+            let sure = surest(sure, islands);
+            if sure.is_empty() {
                 continue;
             }
-            busy.extend([target, source]);
+            let ends = self.join(map, islands, &sure);
+            *islands = map.manifold.component_map();
+            let which = ends.iter().map(|&patch| islands.of(patch)).collect();
+            self.contradicted += optimise_islands(map, islands, &which, config).len();
+            self.optimisations += 1;
+            *islands = map.manifold.component_map();
+            new = ends.iter().map(|&patch| islands.of(patch)).collect();
+            let is_old = |(a, b): (usize, usize)| !new.contains(&a) && !new.contains(&b);
+            unsure.retain(|p| p.ends(islands).is_some_and(is_old));
+            by_landmarks.retain(|p| p.ends(islands).is_some_and(is_old));
+            agenda.forget(|pair| !is_old(pair.ends(islands)));
+            // What has come apart again is not tried another time.
+            let apart = |p: &Proposal| {
+                p.ends(islands).filter(|(a, b)| a != b).map(|ends| firsts(ends, islands))
+            };
+            agenda.refuse(sure.iter().filter_map(apart));
+        }
+    }
+
+    /// Joins islands that are all different; returns patches of all of them.
+    fn join(&mut self, map: &mut Map, islands: &Islands, proposals: &[Proposal]) -> Vec<PatchId> {
+        let mut ends = Vec::new();
+        for proposal in proposals {
+            let Some((target, source)) = proposal.ends(islands) else { continue };
             let relations = join(map, islands, proposal);
-            for id in doubt_relations(map, &relations) {
+            let mut island = [&islands.members[target][..], &islands.members[source]].concat();
+            island.sort_unstable();
+            for id in doubt_relations(map, &island, &relations) {
                 map.manifold.retract(id, Retraction::Contradicted);
                 self.contradicted += 1;
             }
-            any |= relations.iter().any(|&id| map.manifold.relation(id).is_active());
+            ends.extend([islands.members[target][0], islands.members[source][0]]);
+            ends.extend(proposal.links.iter().flat_map(|link| [link.from, link.to]));
             self.note(map, islands, proposal, relations, MergeState::Merged);
         }
-        any
+        ends
     }
 
     /// Notes what is likely but not sure enough.
@@ -111,6 +154,36 @@ impl Merger {
             false_bound: proposal.false_bound,
         });
     }
+}
+
+/// Takes out the proposals by landmarks for pairs of islands that are examined now; where no pair
+/// is left to be examined, all of them.
+fn due(by_landmarks: &mut Vec<Proposal>, pairs: &[IslandPair], islands: &Islands) -> Vec<Proposal> {
+    if pairs.is_empty() {
+        return std::mem::take(by_landmarks);
+    }
+    let ends: BTreeSet<_> = pairs.iter().map(|p| firsts(p.ends(islands), islands)).collect();
+    let is_due = |p: &mut Proposal| {
+        p.ends(islands).is_some_and(|found| ends.contains(&firsts(found, islands)))
+    };
+    by_landmarks.extract_if(.., is_due).collect()
+}
+
+/// The surest proposals of which no two are about the same island, in their order. Those left out
+/// are about islands that join, and are looked for anew.
+fn surest(proposals: Vec<Proposal>, islands: &Islands) -> Vec<Proposal> {
+    let mut ranked: Vec<usize> = (0..proposals.len()).collect();
+    ranked.sort_by(|&a, &b| proposals[a].false_bound.total_cmp(&proposals[b].false_bound));
+    let (mut busy, mut chosen) = (BTreeSet::new(), BTreeSet::new());
+    for i in ranked {
+        let Some((target, source)) = proposals[i].ends(islands) else { continue };
+        if !busy.contains(&target) && !busy.contains(&source) {
+            busy.extend([target, source]);
+            chosen.insert(i);
+        }
+    }
+    let all = proposals.into_iter().enumerate();
+    all.filter(|(i, _)| chosen.contains(i)).map(|(_, proposal)| proposal).collect()
 }
 
 /// The relation of a link that was proposed already.

@@ -1,5 +1,6 @@
 //! Joining islands where evidence says how they lie to each other (thesis 5.4.4).
 
+mod agenda;
 mod by_geometry;
 mod evidence;
 mod landmarks;

@@ -2,9 +2,10 @@ mod resuming;
 
 pub use resuming::{StoredScan, StoredTeam};
 
+use crate::loop_closing::{LoopCloser, relate};
 use crate::map::Map;
 use crate::merging::{IslandLandmark, Merge, MergeState, Merger, places_of};
-use crate::refit::{refit, relocalise, settle};
+use crate::refit::{optimise_relations, refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
@@ -24,6 +25,9 @@ pub struct Team {
     statistics: Statistics,
     observer: Box<dyn StageObserver>,
 }
+
+/// Searches for closures between robots; hardly anything is left to be found by the last.
+const MOST_SEARCHES: usize = 4;
 
 /// What is known of one robot.
 #[derive(Clone, Debug, Default)]
@@ -158,10 +162,32 @@ impl Team {
         });
     }
 
-    /// The global pass: joins islands, refits each and places every scan in it.
+    /// The global pass: joins islands, closes loops between the robots of each, refits each and
+    /// places every scan in it.
     pub fn finish(&mut self) {
         self.merge();
+        self.close_loops();
         self.rebuild();
+    }
+
+    /// Looks for places where robots of one island met without knowing: their maps hang together by
+    /// where they were joined, and are bent against each other elsewhere. What is found makes the
+    /// rest better known, so that the search is repeated while it finds something.
+    pub fn close_loops(&mut self) {
+        let config = self.config;
+        for _ in 0..MOST_SEARCHES {
+            let (closures, statistics) =
+                self.timed(Stage::LoopClosing, |t| LoopCloser::between_robots(&t.map, &config));
+            self.statistics.closures = self.statistics.closures + statistics;
+            if closures.is_empty() {
+                break;
+            }
+            relate(&mut self.map, &closures, &config);
+            let retracted =
+                self.timed(Stage::Optimisation, |t| optimise_relations(&mut t.map, &config));
+            self.statistics.optimisations += 1;
+            self.statistics.closures.retracted += retracted.len();
+        }
     }
 
     /// Makes the map anew from the relations that hold, the ways driven and the scans: places every
