@@ -145,8 +145,8 @@ impl Row {
             stretch => format!("{} x {}", case.std_m * stretch, case.std_m),
         };
         println!(
-            "| {} | {:.0} % | {noise} | {:.1} % | {:.1} % | {} of {seeds} | {:.1} % | {:.3} | {:.3} \
-             | {:.2} | {} of {} |",
+            "| {} | {:.0} % | {noise} | {:.1} % | {:.1} % | {} of {seeds} | {:.1} % | {} | {} \
+             | {} | {} of {} |",
             case.tags,
             100.0 * case.wrong,
             100.0 * self.merged as f64 / seeds as f64,
@@ -162,8 +162,10 @@ impl Row {
     }
 }
 
-fn quantile(values: &[f64], share: f64) -> f64 {
+/// A quantile with three decimals; a dash where there is none.
+fn quantile(values: &[f64], share: f64) -> String {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    sorted.get((share * sorted.len() as f64) as usize).copied().unwrap_or(f64::NAN)
+    let value = sorted.get((share * sorted.len() as f64) as usize);
+    value.map_or("-".into(), |v| format!("{v:.3}"))
 }

@@ -205,7 +205,6 @@ fn choose(
         provenance: Provenance::Merge,
     };
     Some(Proposal {
-        most_false,
         target_from_source: alignment(map, &evidence.links)?,
         evidence: EvidenceCounts {
             matches,
@@ -217,6 +216,7 @@ fn choose(
         },
         links: evidence.links.iter().map(link).collect(),
         false_bound: own_bound.max(rival).min(1.0),
+        most_false,
     })
 }
 

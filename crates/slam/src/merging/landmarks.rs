@@ -41,12 +41,14 @@ use single::one_and_a_match;
 /// ten alignments.
 const ALIKE: f64 = 0.1;
 
-/// For each two islands how they lie to each other by the landmarks that both know, in the order of
-/// the islands. `tracks` are the robots' scans, in the order of the robots.
+/// For each two islands, of which one at least is new, how they lie to each other by the landmarks
+/// that both know, in the order of the islands. `tracks` are the robots' scans, in the order of the
+/// robots.
 pub(crate) fn propose_by_landmarks(
     map: &Map,
     islands: &Islands,
     tracks: &[&[ScanRecord]],
+    is_new: impl Fn(usize) -> bool,
     config: &SlamConfig,
 ) -> Vec<Proposal> {
     let settings = &config.merging.landmarks;
@@ -54,8 +56,8 @@ pub(crate) fn propose_by_landmarks(
         return Vec::new();
     }
     let known = landmarks_of(map, islands, tracks, config);
-    let pairs: Vec<(usize, usize)> =
-        (0..known.len()).flat_map(|t| (t + 1..known.len()).map(move |s| (t, s))).collect();
+    let pairs = (0..known.len()).flat_map(|t| (t + 1..known.len()).map(move |s| (t, s)));
+    let pairs: Vec<(usize, usize)> = pairs.filter(|&(t, s)| is_new(t) || is_new(s)).collect();
     pairs
         .par_iter()
         .filter_map(|&(target, source)| propose(map, &known[target], &known[source], config))

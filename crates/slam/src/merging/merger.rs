@@ -36,8 +36,9 @@ impl Merger {
         let mut geometry = config.merging.geometry.then(|| GeometricMerging::new(map, config));
         let mut islands = map.manifold.component_map();
         let mut left = Vec::new();
-        let by_landmarks =
-            |map: &Map, islands: &Islands| propose_by_landmarks(map, islands, tracks, config);
+        let by_landmarks = |map: &Map, islands: &Islands, is_new: &dyn Fn(usize) -> bool| {
+            propose_by_landmarks(map, islands, tracks, is_new, config)
+        };
         if let Some(geometry) = &mut geometry {
             while islands.members.len() > 1 && geometry.look(map, &islands, config) {
                 left =
@@ -62,7 +63,7 @@ impl Merger {
         map: &mut Map,
         islands: &mut Islands,
         geometry: Option<&GeometricMerging>,
-        by_landmarks: impl Fn(&Map, &Islands) -> Vec<Proposal>,
+        by_landmarks: impl Fn(&Map, &Islands, &dyn Fn(usize) -> bool) -> Vec<Proposal>,
         alone: bool,
         config: &SlamConfig,
     ) -> Vec<Proposal> {
@@ -71,6 +72,7 @@ impl Merger {
         };
         let mut agenda = Agenda::default();
         agenda.add(look(map, islands, &|_| true));
+        let mut known = by_landmarks(map, islands, &|_| true);
         let mut unsure: Vec<Proposal> = Vec::new();
         loop {
             let pairs = agenda.next(islands);
@@ -80,7 +82,7 @@ impl Merger {
                 Some(geometry) => geometry.propose(map, islands, &pairs, config),
                 None => Vec::new(),
             };
-            let mut landmarks = by_landmarks(map, islands);
+            let mut landmarks = known.clone();
             if !(is_heard && alone) {
                 landmarks.retain(|p| {
                     by_geometry.iter().any(|g| pair_of(g, islands) == pair_of(p, islands))
@@ -119,6 +121,8 @@ impl Merger {
             };
             agenda.refuse(sure.iter().filter_map(apart));
             agenda.add(look(map, islands, &is_new));
+            known.retain(|p| p.ends(islands).is_some_and(is_old));
+            known.extend(by_landmarks(map, islands, &is_new));
         }
     }
 
