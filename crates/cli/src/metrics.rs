@@ -173,9 +173,13 @@ fn merge_text(merge: &Merge) -> String {
         MergeState::Provisional => "not merged, evidence too weak",
     };
     format!(
-        "{one} | {other}: {state}; {} agreeing, {} contradicting, estimated chance of being wrong {:.1e}",
+        "{one} | {other}: {state}; {} agreeing, {} contradicting, {:.1} m of {} m of surface \
+         contradicted, {} beyond what a copy could hold, estimated chance of being wrong {:.1e}",
         counted(evidence.agreeing as u64, "place"),
         evidence.contradicting,
+        f64::from(evidence.contradicted_cm) / 100.0,
+        evidence.compared_m,
+        counted(evidence.beyond as u64, "square"),
         merge.false_bound,
     )
 }

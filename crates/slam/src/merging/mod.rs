@@ -1,11 +1,15 @@
 //! Joining islands where evidence says how they lie to each other (thesis 5.4.4).
 
 mod by_geometry;
+mod common_ground;
+mod estimate;
 mod evidence;
 mod merger;
 mod places;
 mod recognition;
 mod sets;
+mod surroundings;
+mod usual;
 
 pub(crate) use merger::Merger;
 
@@ -21,7 +25,8 @@ pub struct MergingSettings {
     /// Look for merges.
     pub enabled: bool,
     /// Islands are joined only when the chance that this is wrong is bounded by so much; what falls
-    /// short is put on record as provisional. The default lets five places that fit pass.
+    /// short is put on record as provisional. The default lets four places that fit pass, if more
+    /// is confirmed than a copy of a part of the building could hold.
     pub false_merges: f64,
     /// Places of an island that are compared with others lie so far apart, metres.
     pub spacing_m: f64,
@@ -87,6 +92,14 @@ pub struct EvidenceCounts {
     pub fitting: usize,
     /// Mean share of sight lines through the other island's walls, per mille.
     pub seen_through_per_mille: u32,
+    /// Surface that both islands know something of, metres.
+    pub compared_m: u32,
+    /// That of it where one island looks through what the other has, centimetres.
+    pub contradicted_cm: u32,
+    /// Squares of five metres in which the surfaces of both agree and tell where they are.
+    pub squares: usize,
+    /// Those of them that a copy of a part of the building, 20 m long and wide, cannot hold.
+    pub beyond: usize,
 }
 
 /// What became of a proposal.
