@@ -2,12 +2,15 @@
 //!
 //! `cargo run --release -p manifoldslam-slam --example twins -- FIRST_SEED COUNT`
 //!
-//! A false merge is an island that holds robots of two buildings. A merge is missed when one
+//! A false merge is an island that holds robots of two buildings, or of one in the wrong places: a
+//! relation between two robots that is off by more than a metre or a tenth of a radian. A merge is
+//! missed when one
 //! building's robots are on several islands; with three robots that also happens where two of
 //! them are apart in truth. What was merged wrongly or not at all is told with its evidence.
 
-use manifold::{Change, PatchId};
+use manifold::{Change, Patch, PatchId};
 use manifoldslam_slam::{Event, Mapper, SlamConfig, Team};
+use std::collections::BTreeMap;
 use synthetic::{Meeting, TwinCase, TwinFamily, twins};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -22,10 +25,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let case = twins(family, seed, meeting);
                 let team = mapped(&case);
                 let (mixed, islands) = islands(&team, &case);
-                wrong += usize::from(mixed);
+                let is_false = mixed || is_misplaced(&team, &case);
+                wrong += usize::from(is_false);
                 missed += usize::from(islands > case.true_islands);
-                right += usize::from(!mixed && islands == case.true_islands);
-                if mixed {
+                right += usize::from(!is_false && islands == case.true_islands);
+                if is_false {
                     tell(&case, seed, &team);
                 }
             }
@@ -77,4 +81,24 @@ fn islands(team: &Team, case: &TwinCase) -> (bool, usize) {
     let is_mixed =
         |island: &Vec<PatchId>| island.iter().any(|&p| building(p) != building(island[0]));
     (islands.iter().any(is_mixed), islands.len())
+}
+
+/// Whether a relation between robots contradicts the truth.
+fn is_misplaced(team: &Team, case: &TwinCase) -> bool {
+    let mut truth = BTreeMap::new();
+    for (number, run) in case.runs.iter().enumerate() {
+        let stamps = run.observations.iter().map(|o| (number as u16, o.stamp));
+        truth.extend(stamps.zip(run.truth.iter().copied()));
+    }
+    let manifold = team.manifold();
+    let mut crossing = manifold.active_relations().filter_map(|r| {
+        let (from, to) = (manifold.patch(r.from), manifold.patch(r.to));
+        (from.robot != to.robot).then_some((r, from, to))
+    });
+    crossing.any(|(r, from, to)| {
+        let pose = |patch: &Patch| truth.get(&(patch.robot.0, patch.stamp));
+        let (Some(from), Some(to)) = (pose(from), pose(to)) else { return true };
+        let error = from.between(to).between(&r.from_from_to.mean);
+        error.norm() > 1.0 || error.yaw.abs() > 0.1
+    })
 }

@@ -1,10 +1,12 @@
+use super::common_ground::{CommonGround, Seen};
+use super::estimate::{MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, decades_at_best};
 use super::evidence::{Evidence, examine};
 use super::places::PlaceIndex;
 use super::recognition::{PlaceMatch, Recognition};
 use super::sets::agreeing_sets;
+use super::usual::usual;
 use super::{EvidenceCounts, Link, Proposal};
 use crate::SlamConfig;
-use crate::loop_closing::Verifier;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
 use geometry::{Pose2, Vector2};
@@ -12,25 +14,6 @@ use manifold::{Islands, PatchId, Provenance};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// How much less likely every further independent place that fits makes a wrong merge: buildings
-/// repeat themselves, so that a wrong one that fits at one place often fits at the next as well.
-/// Measured on twin buildings (see docs/math/merging.md).
-const FALSE_FIT: f64 = 0.1;
-/// How much more likely every contradicting place makes it: people and doors move, so that a right
-/// merge has some too.
-const CONTRADICTED: f64 = 25.0;
-/// Share of sight lines that pass through walls where a robot comes back to the same place, by
-/// people and doors that moved: what is taken before anything is measured, and for how many
-/// closures that counts.
-const USUALLY_THROUGH: f64 = 0.015;
-const USUAL_CLOSURES: f64 = 4.0;
-/// Closures that are looked at to find out.
-const MOST_CLOSURES: usize = 60;
-/// The share may exceed the usual by so much for nothing; every so much beyond makes a wrong merge
-/// ten times as likely. Wrong merges of look-alike places had 0.04 in all and more wherever five
-/// places fitted, right ones in the same worlds 0.02 at most.
-const MARGIN_THROUGH: f64 = 0.008;
-const THROUGH_PER_DECADE: f64 = 0.004;
 /// Cells of the grid that patches are looked up in, metres.
 const GRID_M: f64 = 4.0;
 /// Two alignments of the same islands nearer than this at their links are the same one, metres and
@@ -43,8 +26,7 @@ pub(super) struct GeometricMerging {
     index: PlaceIndex,
     recognition: Recognition,
     matches: Vec<PlaceMatch>,
-    /// See [`USUALLY_THROUGH`].
-    usually_through: f64,
+    usual: Usual,
 }
 
 impl GeometricMerging {
@@ -54,8 +36,8 @@ impl GeometricMerging {
         let spacing_m = config.merging.spacing_m;
         let index = PlaceIndex::new(map, &islands, &config.submap, spacing_m);
         let recognition = Recognition::new(map, &index, &config.merging);
-        let usually_through = usually_through(map, config);
-        GeometricMerging { index, recognition, matches: Vec::new(), usually_through }
+        let usual = usual(map, &islands, &PatchGrid::new(map, &islands, GRID_M), config);
+        GeometricMerging { index, recognition, matches: Vec::new(), usual }
     }
 
     /// Compares more places of islands that are still apart; false when all were compared.
@@ -109,12 +91,53 @@ impl GeometricMerging {
         }
         let best = |pair: &IslandPair| {
             let source = &places[pair.ends(islands).1];
-            let look =
-                |set: &Vec<_>| (set.len(), examine(map, islands, set, source, &grid, config));
-            let examined: Vec<(usize, Evidence)> = pair.sets.iter().map(look).collect();
-            choose(map, examined, self.usually_through, config.merging.false_merges)
+            let weigh = |set: &Vec<_>| {
+                let evidence = examine(map, islands, set, source, &grid, config);
+                self.weigh(map, islands, &grid, set.len(), evidence)
+            };
+            choose(map, pair.sets.iter().map(weigh).collect(), config.merging.false_merges)
         };
         pairs.par_iter().filter_map(best).collect()
+    }
+
+    /// How sure an alignment is. Surfaces are compared where the places leave it open.
+    fn weigh(
+        &self,
+        map: &Map,
+        islands: &Islands,
+        grid: &PatchGrid,
+        matches: usize,
+        evidence: Evidence,
+    ) -> Alignment {
+        let mut observed = Observed {
+            agreeing: evidence.agreeing,
+            contradicting: evidence.contradicting,
+            seen_through: evidence.seen_through,
+            ..Observed::default()
+        };
+        if decades_at_best(&observed, &self.usual) < 0.0 {
+            let everything = |_: &Seen, _: PatchId, _: bool| true;
+            let ground = CommonGround::of(map, grid, &islands.of, &evidence.seen, everything);
+            observed.compared_m = ground.compared_m;
+            observed.contradicted_m = ground.contradicted_m;
+            let squares = &ground.squares[..ground.squares.len().min(MOST_SQUARES)];
+            observed.squares = squares.len();
+            observed.beyond = beyond_a_copy(squares);
+        }
+        let counts = EvidenceCounts {
+            matches,
+            agreeing: evidence.agreeing,
+            contradicting: evidence.contradicting,
+            places: evidence.places,
+            fitting: evidence.fitting,
+            seen_through_per_mille: (1000.0 * evidence.seen_through).round() as u32,
+            compared_m: observed.compared_m.round() as u32,
+            contradicted_cm: (100.0 * observed.contradicted_m).round() as u32,
+            squares: observed.squares,
+            beyond: observed.beyond,
+        };
+        let bound = 10f64.powf(decades(&observed, &self.usual));
+        Alignment { links: evidence.links, counts, bound }
     }
 }
 
@@ -146,26 +169,6 @@ impl IslandPair {
     }
 }
 
-/// How much robots see through walls of their own maps where they come back: the mean over their
-/// closures.
-fn usually_through(map: &Map, config: &SlamConfig) -> f64 {
-    let closures = map.manifold.active_relations();
-    let closures: Vec<_> =
-        closures.filter(|r| r.provenance == Provenance::LoopClosure).copied().collect();
-    let step = closures.len().div_ceil(MOST_CLOSURES).max(1);
-    let looked_at: Vec<_> = closures.into_iter().step_by(step).collect();
-    let verifier = Verifier::new(&config.for_merging());
-    let through: Vec<f64> = looked_at
-        .par_iter()
-        .map_init(
-            || verifier.clone(),
-            |verifier, r| verifier.contradiction(r.to, r.from, &r.from_from_to.mean, map).max(0.0),
-        )
-        .collect();
-    (USUAL_CLOSURES * USUALLY_THROUGH + through.iter().sum::<f64>())
-        / (USUAL_CLOSURES + through.len() as f64)
-}
-
 /// The match with the larger island as its target; of equal ones the earlier.
 fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
     let size = |patch: PatchId| {
@@ -175,28 +178,23 @@ fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
     if size(m.from) >= size(m.to) { m } else { m.reversed() }
 }
 
+/// An alignment of two islands with what speaks for and against it.
+struct Alignment {
+    links: Vec<PlaceMatch>,
+    counts: EvidenceCounts,
+    /// The chance that it is wrong, as far as it is known by itself; may exceed one.
+    bound: f64,
+}
+
 /// The best alignment of two islands, doubted as far as another one has evidence too.
-fn choose(
-    map: &Map,
-    examined: Vec<(usize, Evidence)>,
-    usually_through: f64,
-    most_false: f64,
-) -> Option<Proposal> {
-    let bound = |e: &Evidence| -> f64 {
-        let beyond = (e.seen_through - usually_through - MARGIN_THROUGH).max(0.0);
-        FALSE_FIT.powi(e.agreeing as i32 - 1)
-            * CONTRADICTED.powi(e.contradicting as i32)
-            * 10f64.powf(beyond / THROUGH_PER_DECADE)
-    };
-    let mut ranked: Vec<(f64, usize, Evidence)> =
-        examined.into_iter().map(|(matches, e)| (bound(&e), matches, e)).collect();
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+fn choose(map: &Map, mut ranked: Vec<Alignment>, most_false: f64) -> Option<Proposal> {
+    ranked.sort_by(|a, b| a.bound.total_cmp(&b.bound));
     let rivals = ranked.split_off(1.min(ranked.len()));
-    let (own_bound, matches, evidence) = ranked.pop()?;
+    let best = ranked.pop()?;
     let rival = rivals
         .iter()
-        .filter(|(_, _, rival)| !is_same(map, &evidence.links, &rival.links))
-        .map(|(bound, _, _)| own_bound / bound.min(1.0))
+        .filter(|rival| !is_same(map, &best.links, &rival.links))
+        .map(|rival| best.bound / rival.bound.min(1.0))
         .fold(0.0, f64::max);
     let link = |m: &PlaceMatch| Link {
         from: m.from,
@@ -205,17 +203,10 @@ fn choose(
         provenance: Provenance::Merge,
     };
     Some(Proposal {
-        target_from_source: alignment(map, &evidence.links)?,
-        evidence: EvidenceCounts {
-            matches,
-            agreeing: evidence.agreeing,
-            contradicting: evidence.contradicting,
-            places: evidence.places,
-            fitting: evidence.fitting,
-            seen_through_per_mille: (1000.0 * evidence.seen_through).round() as u32,
-        },
-        links: evidence.links.iter().map(link).collect(),
-        false_bound: own_bound.max(rival).min(1.0),
+        target_from_source: alignment(map, &best.links)?,
+        evidence: best.counts,
+        links: best.links.iter().map(link).collect(),
+        false_bound: best.bound.max(rival).min(1.0),
         most_false,
     })
 }

@@ -2,13 +2,17 @@
 
 mod agenda;
 mod by_geometry;
+mod common_ground;
+mod estimate;
 mod evidence;
 mod landmarks;
 mod merger;
 mod places;
 mod recognition;
 mod sets;
+mod surroundings;
 mod together;
+mod usual;
 
 pub(crate) use landmarks::{GATE_CHI2, carried, places_of, point_jacobian, revisit, turned};
 pub use landmarks::{
@@ -32,7 +36,8 @@ pub struct MergingSettings {
     /// Look for them by geometry: places that look alike.
     pub geometry: bool,
     /// Islands are joined only when the chance that this is wrong is bounded by so much; what falls
-    /// short is put on record as provisional. The default lets five places that fit pass.
+    /// short is put on record as provisional. The default lets four places that fit pass, if more
+    /// is confirmed than a copy of a part of the building could hold.
     pub false_merges: f64,
     /// Places of an island that are compared with others lie so far apart, metres.
     pub spacing_m: f64,
@@ -90,6 +95,7 @@ pub(crate) struct Proposal {
 
 /// What speaks for and against a merge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct EvidenceCounts {
     /// Matches that agree pairwise about how the islands lie to each other.
     pub matches: usize,
@@ -104,6 +110,14 @@ pub struct EvidenceCounts {
     pub fitting: usize,
     /// Mean share of sight lines through the other island's walls, per mille.
     pub seen_through_per_mille: u32,
+    /// Surface that both islands know something of, metres.
+    pub compared_m: u32,
+    /// That of it where one island looks through what the other has, centimetres.
+    pub contradicted_cm: u32,
+    /// Squares of five metres in which the surfaces of both agree and tell where they are.
+    pub squares: usize,
+    /// Those of them that a copy of a part of the building, 20 m long and wide, cannot hold.
+    pub beyond: usize,
 }
 
 impl Add for EvidenceCounts {
@@ -118,6 +132,10 @@ impl Add for EvidenceCounts {
             places: self.places + other.places,
             fitting: self.fitting + other.fitting,
             seen_through_per_mille: self.seen_through_per_mille.max(other.seen_through_per_mille),
+            compared_m: self.compared_m + other.compared_m,
+            contradicted_cm: self.contradicted_cm + other.contradicted_cm,
+            squares: self.squares + other.squares,
+            beyond: self.beyond + other.beyond,
         }
     }
 }

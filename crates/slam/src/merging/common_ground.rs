@@ -1,0 +1,158 @@
+use super::surroundings::Surroundings;
+use crate::map::Map;
+use crate::patch_grid::PatchGrid;
+use geometry::{Pose2, Vector2};
+use manifold::PatchId;
+use matching::LinePoint;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Surfaces are counted in cells of this side, metres, ...
+const CELL_M: f64 = 0.2;
+/// ... and these in squares of this side, about a room's.
+const SQUARE_M: f64 = 5.0;
+/// A square tells where it is when so much surface is confirmed across any direction, metres; a
+/// corridor's plain walls fit all along it.
+const TELLING_M: f64 = 0.5;
+/// With so much contradicted it is no longer confirmed, metres.
+const DOUBTED_M: f64 = 0.3;
+/// Of so many places at most the surroundings are compared.
+const MOST_PLACES: usize = 60;
+
+/// A place and where it lies as seen from a patch of the other side.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    pub place: PatchId,
+    pub from: PatchId,
+    pub from_place: Pose2,
+}
+
+/// What two sides, two islands or two visits, show of the same ground.
+#[derive(Clone, Debug, Default)]
+pub(super) struct CommonGround {
+    /// Surface of either side that the other knows something of, metres (the mean of both sides).
+    pub compared_m: f64,
+    /// That of it where the other looks through.
+    pub contradicted_m: f64,
+    /// The middle of what is confirmed in each square that tells where it is.
+    pub squares: Vec<Vector2<f64>>,
+}
+
+/// Votes on a cell's surface, and its normal.
+#[derive(Clone, Copy, Debug, Default)]
+struct Votes {
+    confirmed: u32,
+    contradicted: u32,
+    normal: (f64, f64),
+}
+
+/// By side, 0 for the places' own, and cell.
+type Cells = BTreeMap<(u8, i32, i32), Votes>;
+
+/// Side and cell of a surface, whether it is confirmed, its normal.
+type Answer = ((u8, i32, i32), bool, (f64, f64));
+
+/// A square's surface, metres: confirmed, contradicted, the second moments of the confirmed
+/// normals, and the sum of positions.
+#[derive(Clone, Copy, Debug, Default)]
+struct Square {
+    confirmed: f64,
+    contradicted: f64,
+    moments: [f64; 3],
+    sum: Vector2<f64>,
+}
+
+impl CommonGround {
+    /// Compares the surroundings of places with what the other side shows there; `keep` says which
+    /// patches belong to the side of a place (true) or to the other's.
+    pub fn of(
+        map: &Map,
+        grid: &PatchGrid,
+        of_island: &[u32],
+        seen: &[Seen],
+        keep: impl Fn(&Seen, PatchId, bool) -> bool + Sync,
+    ) -> CommonGround {
+        let step = seen.len().div_ceil(MOST_PLACES).max(1);
+        let compared: Vec<Vec<Answer>> = seen
+            .par_iter()
+            .step_by(step)
+            .map_init(
+                || (Surroundings::default(), Surroundings::default()),
+                |(here, there), s| {
+                    here.lay(map, grid, of_island[s.place.index()], s.place, |p| keep(s, p, true));
+                    there.lay(map, grid, of_island[s.from.index()], s.from, |p| keep(s, p, false));
+                    let common = map.pose(s.place);
+                    let back = s.from_place.inverse();
+                    let mut said = answers(0, here, there, &s.from_place, &common);
+                    said.extend(answers(1, there, here, &back, &(common * back)));
+                    said
+                },
+            )
+            .collect();
+        let mut cells = Cells::new();
+        for (key, confirmed, normal) in compared.into_iter().flatten() {
+            let votes = cells.entry(key).or_default();
+            *(if confirmed { &mut votes.confirmed } else { &mut votes.contradicted }) += 1;
+            votes.normal = normal;
+        }
+        CommonGround::counted(&cells)
+    }
+
+    fn counted(cells: &Cells) -> CommonGround {
+        let mut ground = CommonGround::default();
+        let mut squares: BTreeMap<(i32, i32), Square> = BTreeMap::new();
+        // Either side has every surface once.
+        let share_m = 0.5 * CELL_M;
+        for (&(_, u, v), votes) in cells {
+            let middle = |i: i32| (f64::from(i) + 0.5) * CELL_M;
+            let key = |i: i32| (middle(i) / SQUARE_M).floor() as i32;
+            let square = squares.entry((key(u), key(v))).or_default();
+            ground.compared_m += share_m;
+            if votes.contradicted > votes.confirmed {
+                ground.contradicted_m += share_m;
+                square.contradicted += share_m;
+            } else {
+                let (nx, ny) = votes.normal;
+                square.confirmed += share_m;
+                square.sum += Vector2::new(middle(u), middle(v)) * share_m;
+                for (moment, value) in square.moments.iter_mut().zip([nx * nx, nx * ny, ny * ny]) {
+                    *moment += share_m * value;
+                }
+            }
+        }
+        let telling = squares.values().filter(|s| s.tells());
+        ground.squares = telling.map(|s| s.sum / s.confirmed).collect();
+        ground
+    }
+}
+
+impl Square {
+    /// True when what is confirmed fits at no other place nearby: surfaces face more than one way.
+    fn tells(&self) -> bool {
+        let [xx, xy, yy] = self.moments;
+        let half = 0.5 * (xx + yy);
+        let weaker = half - (half * half - (xx * yy - xy * xy)).max(0.0).sqrt();
+        weaker >= TELLING_M && self.contradicted < DOUBTED_M
+    }
+}
+
+/// What the other side says to every surface of one: cells in the places' island frame.
+fn answers(
+    side: u8,
+    own: &Surroundings,
+    other: &Surroundings,
+    other_from_own: &Pose2,
+    common_from_own: &Pose2,
+) -> Vec<Answer> {
+    let (to_other, to_common) =
+        (LinePoint::mover(other_from_own), LinePoint::mover(common_from_own));
+    let key = |v: f32| (f64::from(v) / CELL_M).floor() as i32;
+    own.surfaces()
+        .filter_map(|p| {
+            let (there, common) = (to_other(&p), to_common(&p));
+            let confirmed = other.shows(there.x, there.y)?;
+            let normal = (f64::from(common.nx), f64::from(common.ny));
+            Some(((side, key(common.x), key(common.y)), confirmed, normal))
+        })
+        .collect()
+}
