@@ -4,6 +4,7 @@
 
 mod candidates;
 mod consistency;
+mod directions;
 mod signature;
 mod verification;
 
