@@ -21,7 +21,7 @@ pub(super) struct Turns {
 
 impl Directions {
     /// The directions of some surface points.
-    pub fn of<'a>(points: impl Iterator<Item = &'a LinePoint>) -> Self {
+    pub fn of(points: impl Iterator<Item = LinePoint>) -> Self {
         let mut counts = [0.0f32; BINS];
         for p in points {
             let turn = f64::from(p.ny).atan2(f64::from(p.nx)) / TAU;
@@ -74,8 +74,8 @@ mod tests {
     }
 
     fn turns(place: &[f64], query: &[f64]) -> Vec<Turns> {
-        let query = Directions::of(facing(query).iter());
-        Directions::of(facing(place).iter()).turns_of(&query)
+        let query = Directions::of(facing(query).into_iter());
+        Directions::of(facing(place).into_iter()).turns_of(&query)
     }
 
     fn is_likely(turns: &[Turns], degrees: f64) -> bool {

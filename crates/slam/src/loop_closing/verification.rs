@@ -33,6 +33,8 @@ pub(crate) struct Host {
 
 /// Candidates taken from branch and bound to refinement, to see whether one stands out.
 const RIVALS: usize = 3;
+/// One in so many points of a place tells where its surfaces face.
+const DIRECTIONS_STEP: usize = 4;
 /// Points of the query's surroundings are thinned to one in a square of this side, metres.
 const THINNING_M: f32 = 0.3;
 
@@ -68,11 +70,10 @@ impl Verifier {
     /// the directions of walls together.
     pub fn host_for_any(&mut self, place: PatchId, map: &Map) -> Host {
         let host = self.host(place, map);
-        let surfaces = self.submap.members.iter().flat_map(|&(patch, pose)| {
-            map.surface(patch).iter().map(LinePoint::mover(&pose)).collect::<Vec<_>>()
+        let surfaces = self.submap.members.iter().flat_map(|(patch, pose)| {
+            map.surface(*patch).iter().step_by(DIRECTIONS_STEP).map(LinePoint::mover(pose))
         });
-        let surfaces: Vec<LinePoint> = surfaces.collect();
-        Host { directions: Some(Directions::of(surfaces.iter())), ..host }
+        Host { directions: Some(Directions::of(surfaces)), ..host }
     }
 
     /// [`Verifier::verify`] in the submap of the place that was made ready last, which is the
@@ -238,7 +239,7 @@ impl Verifier {
         let points: Vec<Vector2<f32>> =
             surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
         let turns = match &host.directions {
-            Some(directions) => directions.turns_of(&Directions::of(surroundings.iter())),
+            Some(directions) => directions.turns_of(&Directions::of(surroundings.iter().copied())),
             None => vec![Turns { centre: window.centre.yaw, half: window.half_yaw_rad }],
         };
         let settings = SearchSettings {

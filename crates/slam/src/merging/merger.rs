@@ -1,4 +1,4 @@
-use super::agenda::{Agenda, firsts};
+use super::agenda::Agenda;
 use super::by_geometry::GeometricMerging;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
@@ -31,56 +31,58 @@ impl Merger {
     pub fn run(&mut self, map: &mut Map, config: &SlamConfig) {
         let mut geometry = GeometricMerging::new(map, config);
         let mut islands = map.manifold.component_map();
-        let mut left = Vec::new();
+        let (mut agenda, mut unsure) = (Agenda::default(), Vec::new());
         while islands.members.len() > 1 && geometry.look(map, &islands, config) {
-            left = self.join_all(map, &mut islands, &geometry, config);
+            self.join_all(map, &mut islands, &geometry, &mut agenda, &mut unsure, config);
         }
         self.tried += geometry.tried();
-        self.put_on_record(map, &islands, &left);
+        self.put_on_record(map, &islands, &unsure);
         // A merge whose relations were all found wrong is none.
         let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
-    /// Joins islands by what was compared so far; the proposals that are left.
+    /// Joins islands by what was compared so far; what is likely but not sure enough is added to
+    /// `unsure`.
     fn join_all(
         &mut self,
         map: &mut Map,
         islands: &mut Islands,
         geometry: &GeometricMerging,
+        agenda: &mut Agenda,
+        unsure: &mut Vec<Proposal>,
         config: &SlamConfig,
-    ) -> Vec<Proposal> {
-        let mut agenda = Agenda::default();
-        agenda.add(geometry.pairs(map, islands, |_| true, config));
-        let mut unsure: Vec<Proposal> = Vec::new();
+    ) {
+        let mut new = BTreeSet::new();
+        let mut looked = true;
         loop {
-            let pairs = agenda.next(islands);
-            if pairs.is_empty() {
-                return unsure;
-            }
-            let mut found = geometry.propose(map, islands, &pairs, config);
-            found.retain(|p| !taken_back_by_user(map, islands, p));
-            let is_sure = |p: &Proposal| p.false_bound <= config.merging.false_merges;
-            let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(is_sure);
-            unsure.extend(others);
-            if sure.is_empty() {
-                continue;
-            }
-            let ends = self.join(map, islands, &sure);
+            let is_new = |island: usize| new.contains(&island);
+            agenda.replace(geometry.pairs(map, islands, is_new, looked, config), islands);
+            looked = false;
+            let ends = loop {
+                let pairs = agenda.next(islands, geometry.is_last());
+                if pairs.is_empty() {
+                    return;
+                }
+                let examined: BTreeSet<_> = pairs.iter().map(|pair| pair.ends(islands)).collect();
+                unsure.retain(|p| p.ends(islands).is_some_and(|ends| !examined.contains(&ends)));
+                let mut found = geometry.propose(map, islands, &pairs, config);
+                found.retain(|p| !taken_back_by_user(map, islands, p));
+                let is_sure = |p: &Proposal| p.false_bound <= config.merging.false_merges;
+                let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(is_sure);
+                unsure.extend(others);
+                if !sure.is_empty() {
+                    break self.join(map, islands, &sure, agenda);
+                }
+            };
             *islands = map.manifold.component_map();
             let which = ends.iter().map(|&patch| islands.of(patch)).collect();
             self.contradicted += optimise_islands(map, islands, &which, config).len();
             self.optimisations += 1;
             *islands = map.manifold.component_map();
-            let new: BTreeSet<usize> = ends.iter().map(|&patch| islands.of(patch)).collect();
+            new = ends.iter().map(|&patch| islands.of(patch)).collect();
             let is_new = |island: usize| new.contains(&island);
-            let is_old = |(a, b): (usize, usize)| !is_new(a) && !is_new(b);
-            unsure.retain(|p| p.ends(islands).is_some_and(is_old));
-            agenda.forget(|pair| !is_old(pair.ends(islands)));
-            // What has come apart again is not tried another time.
-            let apart = |p: &Proposal| p.ends(islands).filter(|(a, b)| a != b).map(|ends| firsts(ends, islands));
-            agenda.refuse(sure.iter().filter_map(apart));
-            agenda.add(geometry.pairs(map, islands, is_new, config));
+            unsure.retain(|p| p.ends(islands).is_some_and(|(a, b)| !is_new(a) && !is_new(b)));
         }
     }
 
@@ -90,6 +92,7 @@ impl Merger {
         map: &mut Map,
         islands: &Islands,
         proposals: &[Proposal],
+        agenda: &mut Agenda,
     ) -> Vec<PatchId> {
         let mut ends = Vec::new();
         for proposal in proposals {
@@ -101,6 +104,8 @@ impl Merger {
                 map.manifold.retract(id, Retraction::Contradicted);
                 self.contradicted += 1;
             }
+            // Should it come apart again, it is not tried another time.
+            agenda.refuse((target, source), islands);
             ends.extend([islands.members[target][0], islands.members[source][0]]);
             ends.extend(proposal.links.iter().flat_map(|link| [link.from, link.to]));
             self.note(map, islands, proposal, relations, MergeState::Merged);

@@ -35,7 +35,7 @@ pub(super) struct Recognition {
 
 /// Of the places that look most like one so many are compared with it in each pass. What a pass has
 /// joined the next one need not compare.
-const CANDIDATES_A_PASS: usize = 2;
+const CANDIDATES_A_PASS: usize = 1;
 
 impl Recognition {
     /// Plans to compare every place with those of other islands that look most like it.
@@ -56,6 +56,11 @@ impl Recognition {
         let firsts = (0..settings.candidates).step_by(CANDIDATES_A_PASS);
         let passes = firsts.rev().map(pass).collect();
         Recognition { passes, tried: 0 }
+    }
+
+    /// True when no pass is left.
+    pub fn is_done(&self) -> bool {
+        self.passes.is_empty()
     }
 
     /// Makes the next pass, between islands that are still apart; `None` after the last.
