@@ -22,7 +22,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let campus = Campus::new(seed, robots);
     for number in 0..campus.robots() {
         let Some(run) = campus.run(number) else { continue };
-        let create = |ending: &str| File::create(folder.join(format!("robot-{number:02}.{ending}")));
+        let create =
+            |ending: &str| File::create(folder.join(format!("robot-{number:02}.{ending}")));
         let mut log = BufWriter::new(create("clf")?);
         write_carmen(&run, &mut log)?;
         log.flush()?;

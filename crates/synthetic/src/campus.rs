@@ -68,10 +68,14 @@ fn route(site: &CampusSite, number: usize, rng: &mut StdRng) -> Vec<usize> {
     wander(site, own, rest, &mut there, rng);
     for (k, building) in visits.iter().enumerate() {
         let here = there[there.len() - 1];
-        let [to_first, to_second] = [building.ends.0, building.ends.1].map(|end| ways.shortest(here, end));
+        let [to_first, to_second] =
+            [building.ends.0, building.ends.1].map(|end| ways.shortest(here, end));
         let first_is_nearer = ways.length(&to_first) <= ways.length(&to_second);
-        let (near, far) =
-            if first_is_nearer { (to_first, building.ends.1) } else { (to_second, building.ends.0) };
+        let (near, far) = if first_is_nearer {
+            (to_first, building.ends.1)
+        } else {
+            (to_second, building.ends.0)
+        };
         there.extend_from_slice(&near[1..]);
         let through = ways.shortest(there[there.len() - 1], far);
         let mut metres = Campus::VISIT_M - ways.length(&through);
@@ -87,7 +91,13 @@ fn route(site: &CampusSite, number: usize, rng: &mut StdRng) -> Vec<usize> {
 /// About what a robot drives between two buildings, metres.
 const TRANSIT_M: f64 = 50.0;
 
-fn wander(site: &CampusSite, building: &CampusBuilding, metres: f64, route: &mut Vec<usize>, rng: &mut StdRng) {
+fn wander(
+    site: &CampusSite,
+    building: &CampusBuilding,
+    metres: f64,
+    route: &mut Vec<usize>,
+    rng: &mut StdRng,
+) {
     let start = route[route.len() - 1];
     let more = site.site.wander(rng, start, metres, |stop| building.stops.contains(&stop));
     route.extend_from_slice(&more[1..]);

@@ -30,7 +30,8 @@ pub(crate) fn junction(
 ) -> Junction {
     let (half_x, half_y) = (between(rng, (3.5, 5.0)), between(rng, (3.5, 5.0)));
     let (west, east, south, north) = (x - half_x, x + half_x, y - half_y, y + half_y);
-    let door = |is_open: bool, half: f64| if is_open { vec![(half - 0.5 * DOOR, DOOR)] } else { vec![] };
+    let door =
+        |is_open: bool, half: f64| if is_open { vec![(half - 0.5 * DOOR, DOOR)] } else { vec![] };
     site.plan
         .partition((east, south), (east, north), &door(open[0], half_y))
         .partition((west, north), (east, north), &door(open[1], half_x))
@@ -123,7 +124,7 @@ pub(crate) fn hall(
     let pitch = length / columns as f64;
     let lanes = [-0.6 * half, 0.0, 0.6 * half];
     let stop = |column: usize, lane: f64| (x + (column as f64 + 0.5) * pitch, y + lane);
-    let mut ways: Vec<(f64, f64)> = Vec::new();
+    let mut ways = vec![(x, y), (x + length, y)];
     for lane in lanes {
         ways.extend([stop(0, lane), stop(columns - 1, lane)]);
     }

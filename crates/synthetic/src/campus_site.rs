@@ -35,7 +35,8 @@ impl CampusSite {
     pub(crate) fn new(seed: u64, buildings: usize) -> Self {
         let columns = ((buildings as f64).sqrt().ceil() as usize).max(1);
         let mut campus = CampusSite { columns, ..CampusSite::default() };
-        let places: Vec<Place> = (0..buildings.max(1)).map(|k| (k % columns, k / columns)).collect();
+        let places: Vec<Place> =
+            (0..buildings.max(1)).map(|k| (k % columns, k / columns)).collect();
         // Each building has a junction at either end.
         let mut junctions: BTreeMap<Place, Junction> = BTreeMap::new();
         let is_junction = |(column, row): Place| {

@@ -79,9 +79,8 @@ mod tests {
     }
 
     fn is_likely(turns: &[Turns], degrees: f64) -> bool {
-        let near = |t: &Turns| {
-            geometry::wrap_angle(degrees.to_radians() - t.centre).abs() <= t.half
-        };
+        let near =
+            |t: &Turns| geometry::wrap_angle(degrees.to_radians() - t.centre).abs() <= t.half;
         turns.iter().any(near)
     }
 

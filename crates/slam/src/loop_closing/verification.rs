@@ -229,12 +229,7 @@ impl Verifier {
     }
 
     /// Grid poses of the query in the candidate's frame by branch and bound, best first.
-    fn search(
-        &self,
-        surroundings: &[LinePoint],
-        candidate: &Candidate,
-        host: &Host,
-    ) -> Vec<Pose2> {
+    fn search(&self, surroundings: &[LinePoint], candidate: &Candidate, host: &Host) -> Vec<Pose2> {
         let window = self.window(candidate);
         let points: Vec<Vector2<f32>> =
             surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
