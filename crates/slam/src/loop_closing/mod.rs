@@ -5,6 +5,7 @@
 mod by_landmark;
 mod candidates;
 mod consistency;
+mod directions;
 mod other_robots;
 mod signature;
 mod statistics;

@@ -26,6 +26,8 @@ pub(super) struct GeometricMerging {
     index: PlaceIndex,
     recognition: Recognition,
     matches: Vec<PlaceMatch>,
+    /// How many matches there were before the last look.
+    known: usize,
     usual: Usual,
 }
 
@@ -37,14 +39,20 @@ impl GeometricMerging {
         let index = PlaceIndex::new(map, &islands, &config.submap, spacing_m);
         let recognition = Recognition::new(map, &index, &config.merging);
         let usual = usual(map, &islands, &PatchGrid::new(map, &islands, GRID_M), config);
-        GeometricMerging { index, recognition, matches: Vec::new(), usual }
+        GeometricMerging { index, recognition, matches: Vec::new(), known: 0, usual }
     }
 
     /// Compares more places of islands that are still apart; false when all were compared.
     pub fn look(&mut self, map: &Map, islands: &Islands, config: &SlamConfig) -> bool {
+        self.known = self.matches.len();
         let found = self.recognition.next_pass(map, islands, config);
         self.matches.extend(found.iter().flatten());
         found.is_some()
+    }
+
+    /// True when this was the last look.
+    pub fn is_last(&self) -> bool {
+        self.recognition.is_done()
     }
 
     /// Comparisons made.
@@ -52,23 +60,28 @@ impl GeometricMerging {
         self.recognition.tried
     }
 
-    /// Pairs of islands whose matches agree, of which one at least is new.
+    /// Pairs of islands whose matches agree, of which one at least is new or has a match that the
+    /// last look found, if `looked`.
     pub fn pairs(
         &self,
         map: &Map,
         islands: &Islands,
         is_new: impl Fn(usize) -> bool,
+        looked: bool,
         config: &SlamConfig,
     ) -> Vec<IslandPair> {
-        let mut pairs: BTreeMap<(usize, usize), Vec<PlaceMatch>> = BTreeMap::new();
-        for m in &self.matches {
+        let mut pairs: BTreeMap<(usize, usize), (bool, Vec<PlaceMatch>)> = BTreeMap::new();
+        for (index, m) in self.matches.iter().enumerate() {
             let m = larger_first(*m, islands);
             let (target, source) = (islands.of(m.from), islands.of(m.to));
-            if target != source && (is_new(target) || is_new(source)) {
-                pairs.entry((target, source)).or_default().push(m);
+            if target != source {
+                let (is_due, matches) = pairs.entry((target, source)).or_default();
+                *is_due |= is_new(target) || is_new(source) || looked && index >= self.known;
+                matches.push(m);
             }
         }
-        let pairs: Vec<Vec<PlaceMatch>> = pairs.into_values().collect();
+        let pairs: Vec<Vec<PlaceMatch>> =
+            pairs.into_values().filter_map(|(is_due, matches)| is_due.then_some(matches)).collect();
         let agreeing = |matches: Vec<PlaceMatch>| {
             let sets = agreeing_sets(map, &matches, config.merging.least_agreeing);
             (!sets.is_empty()).then_some(IslandPair { matches, sets })
