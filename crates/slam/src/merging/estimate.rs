@@ -5,8 +5,8 @@ use std::f64::consts::{FRAC_PI_2, LN_10};
 /// buildings repeat themselves, so that a wrong one that fits at one place often fits at the next
 /// as well. Measured on twin buildings (see docs/math/merging.md), as are the others.
 const DECADES_PER_PLACE: f64 = 1.5;
-/// How likely a part of a building has a copy elsewhere, furniture and all, in decades: a room often
-/// has one. The more squares it must hold, the less likely it is.
+/// How likely a part of a building has a copy elsewhere, furniture and all, in decades: a room
+/// often has one. The more squares it must hold, the less likely it is.
 const COPY_DECADES: f64 = -0.3;
 const DECADES_PER_HELD: f64 = -0.15;
 /// Larger than this along either side no such copy is expected, metres. What is confirmed beyond
