@@ -42,25 +42,22 @@ impl ResultFolder {
             false => beside(target, "partial")?,
         };
         fs::create_dir_all(&place).with_context(cannot)?;
-        let folder = ResultFolder {
-            target: target.to_owned(),
-            place,
-            kept: false,
-            written: RefCell::default(),
-        };
-        // A folder can be made where no file can be written, on a full disk for instance.
-        folder.write(".probe", b"manifoldslam")?;
-        fs::remove_file(folder.path(".probe")).with_context(cannot)?;
-        folder.written.take();
-        Ok(folder)
+        Self::writable(target, place, false)
     }
 
     /// A folder that has a result already, to be brought up to date in place.
     pub fn update(target: &Path) -> Result<Self> {
-        let (target, place) = (target.to_owned(), target.to_owned());
-        let folder = ResultFolder { target, place, kept: true, written: RefCell::default() };
+        Self::writable(target, target.to_owned(), true)
+    }
+
+    /// A folder can be made where no file can be written, on a full disk for instance: it is tried.
+    fn writable(target: &Path, place: PathBuf, kept: bool) -> Result<Self> {
+        let target = target.to_owned();
+        let folder = ResultFolder { target, place, kept, written: RefCell::default() };
         folder.write(".probe", b"manifoldslam")?;
-        fs::remove_file(folder.path(".probe"))?;
+        fs::remove_file(folder.path(".probe")).with_context(|| {
+            format!("{}: cannot create the result folder", folder.target.display())
+        })?;
         folder.written.take();
         Ok(folder)
     }

@@ -5,22 +5,17 @@ use super::places::PlaceIndex;
 use super::recognition::{PlaceMatch, Recognition};
 use super::sets::agreeing_sets;
 use super::usual::usual;
-use super::{EvidenceCounts, Link, Proposal};
+use super::{EvidenceCounts, Link, Proposal, say_the_same};
 use crate::SlamConfig;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
 use geometry::{Pose2, Vector2};
-use manifold::{Islands, PatchId, Provenance};
+use manifold::{Islands, PatchId};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Cells of the grid that patches are looked up in, metres.
 const GRID_M: f64 = 4.0;
-/// Two alignments of the same islands nearer than this at their links are the same one, metres and
-/// radians: islands are bent.
-const SAME_M: f64 = 1.5;
-const SAME_RAD: f64 = 0.15;
-
 /// Place recognition between islands: matches are found once, and grouped anew as islands join.
 pub(super) struct GeometricMerging {
     index: PlaceIndex,
@@ -150,7 +145,8 @@ impl GeometricMerging {
             beyond: observed.beyond,
         };
         let bound = 10f64.powf(decades(&observed, &self.usual));
-        Alignment { links: evidence.links, counts, bound }
+        let links = evidence.links.iter().map(PlaceMatch::link).collect();
+        Alignment { links, counts, bound }
     }
 }
 
@@ -193,7 +189,7 @@ fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
 
 /// An alignment of two islands with what speaks for and against it.
 struct Alignment {
-    links: Vec<PlaceMatch>,
+    links: Vec<Link>,
     counts: EvidenceCounts,
     /// The chance that it is wrong, as far as it is known by itself; may exceed one.
     bound: f64,
@@ -206,44 +202,22 @@ fn choose(map: &Map, mut ranked: Vec<Alignment>, most_false: f64) -> Option<Prop
     let best = ranked.pop()?;
     let rival = rivals
         .iter()
-        .filter(|rival| !is_same(map, &best.links, &rival.links))
+        .filter(|rival| !say_the_same(map, &best.links, &rival.links, 0.0))
         .map(|rival| best.bound / rival.bound.min(1.0))
         .fold(0.0, f64::max);
-    let link = |m: &PlaceMatch| Link {
-        from: m.from,
-        to: m.to,
-        from_from_to: m.from_from_to,
-        provenance: Provenance::Merge,
-    };
     Some(Proposal {
         target_from_source: alignment(map, &best.links)?,
         evidence: best.counts,
-        links: best.links.iter().map(link).collect(),
+        links: best.links,
         false_bound: best.bound.max(rival).min(1.0),
         most_false,
     })
 }
 
-/// True when two sets of links say the same: most of the second lie where the nearest of the first
-/// has them.
-fn is_same(map: &Map, links: &[PlaceMatch], others: &[PlaceMatch]) -> bool {
-    let agrees = |other: &&PlaceMatch| {
-        let place = map.pose(other.to);
-        let distance = |link: &&PlaceMatch| map.pose(link.to).distance(&place);
-        let Some(link) = links.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
-            return false;
-        };
-        let here = link.target_from_source(map) * place;
-        let apart = here.between(&(other.target_from_source(map) * place));
-        apart.norm() < SAME_M && apart.yaw.abs() < SAME_RAD
-    };
-    2 * others.iter().filter(agrees).count() > others.len()
-}
-
 /// The rigid motion that brings the source into the target's frame best in the least-squares sense,
 /// closed form (Umeyama 1991): of the places the links relate, and of their headings where those
 /// say more.
-fn alignment(map: &Map, links: &[PlaceMatch]) -> Option<Pose2> {
+fn alignment(map: &Map, links: &[Link]) -> Option<Pose2> {
     let first = links.first()?;
     let (mut sin, mut cos) = (0.0, 0.0);
     let pairs: Vec<(Vector2<f64>, Vector2<f64>)> = links

@@ -125,7 +125,7 @@ fn expect(
     if distance(link) > STEP_M {
         return None;
     }
-    let pose = link.target_from_source(map) * own;
+    let pose = link.link().target_from_source(map) * own;
     let seen_from = |patch: PatchId| map.pose(patch).between(&pose);
     let unlike = |patch: &PatchId| {
         let there = seen_from(*patch);

@@ -178,6 +178,34 @@ pub(crate) struct Link {
     pub provenance: Provenance,
 }
 
+impl Link {
+    /// The frame of the island of `to` seen from that of `from`, as the link has it.
+    pub fn target_from_source(&self, map: &Map) -> Pose2 {
+        map.pose(self.from) * self.from_from_to.mean * map.pose(self.to).inverse()
+    }
+}
+
+/// Two alignments of the same islands nearer than this at their links are the same one, metres and
+/// radians: islands are bent.
+const SAME_M: f64 = 1.5;
+const SAME_RAD: f64 = 0.15;
+
+/// True when two sets of links say the same: most of the second lie where the nearest of the first
+/// has them. They may differ by so much more per metre between them.
+fn say_the_same(map: &Map, links: &[Link], others: &[Link], bent_per_m: f64) -> bool {
+    let agrees = |other: &&Link| {
+        let place = map.pose(other.to);
+        let distance = |link: &&Link| map.pose(link.to).distance(&place);
+        let nearest = links.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.is_some_and(|near| {
+            let here = near.target_from_source(map) * place;
+            let apart = here.between(&(other.target_from_source(map) * place));
+            apart.norm() < SAME_M + bent_per_m * distance(&near) && apart.yaw.abs() < SAME_RAD
+        })
+    };
+    2 * others.iter().filter(agrees).count() > others.len()
+}
+
 impl Proposal {
     /// True when the evidence suffices to join the islands.
     pub fn is_sure(&self) -> bool {

@@ -1,10 +1,10 @@
-use super::MergingSettings;
 use super::places::{Place, PlaceIndex};
+use super::{Link, MergingSettings};
 use crate::SlamConfig;
 use crate::loop_closing::{Candidate, ClosingSettings, SearchArea, Verifier};
 use crate::map::Map;
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::{Islands, PatchId};
+use manifold::{Islands, PatchId, Provenance};
 use matching::MatchResult;
 use rayon::prelude::*;
 
@@ -106,9 +106,7 @@ fn matches(
 impl PlaceMatch {
     /// A verified match as a relation.
     pub fn new(from: PatchId, to: PatchId, found: &MatchResult, config: &SlamConfig) -> Self {
-        let matched = found.covariance * config.closing.caution;
-        let covariance = config.relation_covariance(&matched, None);
-        let from_from_to = GaussianPose2 { mean: found.pose, covariance };
+        let from_from_to = config.closure_relation(found);
         PlaceMatch { from, to, from_from_to, share: found.inlier_ratio }
     }
 
@@ -118,9 +116,10 @@ impl PlaceMatch {
         PlaceMatch { from, to, from_from_to: self.from_from_to.inverse(), ..self }
     }
 
-    /// The frame of the island of `to` seen from that of `from`, as the match has it.
-    pub fn target_from_source(&self, map: &Map) -> Pose2 {
-        map.pose(self.from) * self.from_from_to.mean * map.pose(self.to).inverse()
+    /// The relation that the match would make.
+    pub fn link(&self) -> Link {
+        let PlaceMatch { from, to, from_from_to, .. } = *self;
+        Link { from, to, from_from_to, provenance: Provenance::Merge }
     }
 }
 
