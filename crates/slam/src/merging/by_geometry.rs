@@ -1,5 +1,5 @@
 use super::common_ground::{CommonGround, Seen};
-use super::estimate::{MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, decades_at_best};
+use super::estimate::{MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, may_suffice};
 use super::evidence::{Evidence, examine};
 use super::places::PlaceIndex;
 use super::recognition::{PlaceMatch, Recognition};
@@ -99,54 +99,67 @@ impl GeometricMerging {
         }
         let best = |pair: &IslandPair| {
             let source = &places[pair.ends(islands).1];
-            let weigh = |set: &Vec<_>| {
-                let evidence = examine(map, islands, set, source, &grid, config);
-                self.weigh(map, islands, &grid, set.len(), evidence)
-            };
-            choose(map, pair.sets.iter().map(weigh).collect(), config.merging.false_merges)
+            let look =
+                |set: &Vec<_>| (set.len(), examine(map, islands, set, source, &grid, config));
+            let examined: Vec<(usize, Evidence)> = pair.sets.iter().map(look).collect();
+            let weighed = self.weighed(map, islands, &grid, examined);
+            choose(map, weighed, config.merging.false_merges)
         };
         pairs.par_iter().filter_map(best).collect()
     }
 
-    /// How sure an alignment is. Surfaces are compared where the places leave it open.
-    fn weigh(
+    /// How sure the alignments of two islands are. Surfaces are compared where one may suffice: of
+    /// all, for the others are its rivals.
+    fn weighed(
         &self,
         map: &Map,
         islands: &Islands,
         grid: &PatchGrid,
-        matches: usize,
-        evidence: Evidence,
-    ) -> Alignment {
-        let mut observed = Observed {
-            agreeing: evidence.agreeing,
-            contradicting: evidence.contradicting,
-            seen_through: evidence.seen_through,
-            ..Observed::default()
+        examined: Vec<(usize, Evidence)>,
+    ) -> Vec<Alignment> {
+        let compared = examined.iter().any(|(_, e)| may_suffice(&observed(e), &self.usual));
+        let weigh = |(matches, evidence): (usize, Evidence)| {
+            let mut observed = observed(&evidence);
+            if compared {
+                let everything = |_: &Seen, _: PatchId, _: bool| true;
+                let ground = CommonGround::of(map, grid, &islands.of, &evidence.seen, everything);
+                let squares = &ground.squares[..ground.squares.len().min(MOST_SQUARES)];
+                observed.compared_m = ground.compared_m;
+                observed.contradicted_m = ground.contradicted_m;
+                observed.squares = squares.len();
+                observed.beyond = beyond_a_copy(squares);
+            }
+            let counts = counted(matches, &evidence, &observed);
+            let bound = 10f64.powf(decades(&observed, &self.usual));
+            let links = evidence.links.iter().map(PlaceMatch::link).collect();
+            Alignment { links, counts, bound }
         };
-        if decades_at_best(&observed, &self.usual) < 0.0 {
-            let everything = |_: &Seen, _: PatchId, _: bool| true;
-            let ground = CommonGround::of(map, grid, &islands.of, &evidence.seen, everything);
-            observed.compared_m = ground.compared_m;
-            observed.contradicted_m = ground.contradicted_m;
-            let squares = &ground.squares[..ground.squares.len().min(MOST_SQUARES)];
-            observed.squares = squares.len();
-            observed.beyond = beyond_a_copy(squares);
-        }
-        let counts = EvidenceCounts {
-            matches,
-            agreeing: evidence.agreeing,
-            contradicting: evidence.contradicting,
-            places: evidence.places,
-            fitting: evidence.fitting,
-            seen_through_per_mille: (1000.0 * evidence.seen_through).round() as u32,
-            compared_m: observed.compared_m.round() as u32,
-            contradicted_cm: (100.0 * observed.contradicted_m).round() as u32,
-            squares: observed.squares,
-            beyond: observed.beyond,
-        };
-        let bound = 10f64.powf(decades(&observed, &self.usual));
-        let links = evidence.links.iter().map(PlaceMatch::link).collect();
-        Alignment { links, counts, bound }
+        examined.into_iter().map(weigh).collect()
+    }
+}
+
+/// What the places say.
+fn observed(evidence: &Evidence) -> Observed {
+    Observed {
+        agreeing: evidence.agreeing,
+        contradicting: evidence.contradicting,
+        seen_through: evidence.seen_through,
+        ..Observed::default()
+    }
+}
+
+fn counted(matches: usize, evidence: &Evidence, observed: &Observed) -> EvidenceCounts {
+    EvidenceCounts {
+        matches,
+        agreeing: evidence.agreeing,
+        contradicting: evidence.contradicting,
+        places: evidence.places,
+        fitting: evidence.fitting,
+        seen_through_per_mille: (1000.0 * evidence.seen_through).round() as u32,
+        compared_m: observed.compared_m.round() as u32,
+        contradicted_cm: (100.0 * observed.contradicted_m).round() as u32,
+        squares: observed.squares,
+        beyond: observed.beyond,
     }
 }
 

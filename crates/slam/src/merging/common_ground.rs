@@ -156,3 +156,43 @@ fn answers(
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Mapper, SlamConfig};
+    use synthetic::two_loop_building;
+
+    /// What patches of even and of odd number show of the same ground, the odd ones' pushed aside.
+    fn halves(map: &Map, aside: Pose2) -> CommonGround {
+        let islands = map.manifold.component_map();
+        let grid = PatchGrid::new(map, &islands, 4.0);
+        let patches = map.manifold.patches();
+        let seen: Vec<Seen> = patches
+            .windows(2)
+            .filter(|pair| pair[0].id.0.is_multiple_of(2))
+            .map(|pair| {
+                let (place, from) = (pair[0].id, pair[1].id);
+                let from_place = map.pose(from).between(&map.pose(place)) * aside;
+                Seen { place, from, from_place }
+            })
+            .collect();
+        let of_half = |_: &Seen, patch: PatchId, even: bool| patch.0.is_multiple_of(2) == even;
+        CommonGround::of(map, &grid, &islands.of, &seen, of_half)
+    }
+
+    #[test]
+    fn the_same_ground_is_confirmed_and_another_contradicted() {
+        let mut mapper = Mapper::new(SlamConfig::default());
+        for observation in two_loop_building(1).observations.into_iter().take(150) {
+            mapper.step(observation);
+        }
+        let same = halves(&mapper.map, Pose2::IDENTITY);
+        assert!(same.compared_m > 30.0, "{same:?}");
+        assert!(same.contradicted_m < 0.005 * same.compared_m, "{same:?}");
+        assert!(same.squares.len() >= 4, "{same:?}");
+        let aside = halves(&mapper.map, Pose2::new(0.7, 0.7, 0.0));
+        assert!(aside.contradicted_m > 0.05 * aside.compared_m, "{aside:?}");
+        assert!(aside.squares.len() < same.squares.len(), "{aside:?}");
+    }
+}

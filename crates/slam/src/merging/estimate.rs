@@ -35,6 +35,8 @@ const PIECES_USUALLY: f64 = 0.001;
 const USUAL_M: f64 = 100.0;
 /// That nothing contradicts speaks for a merge by so much at most, decades.
 const MOST_CREDIT: f64 = 1.0;
+/// Surfaces are compared where the estimate may come to so little, decades.
+const WORTH_COMPARING: f64 = -3.0;
 
 /// What speaks for and against a merge, as the estimate takes it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -66,9 +68,14 @@ pub(super) struct Usual {
     pub contradicted_m: f64,
 }
 
-/// Decimal logarithm of the chance that a merge is wrong, as estimated from what the places say,
-/// before their surroundings are compared: the best that it can come to.
-pub(super) fn decades_at_best(observed: &Observed, usual: &Usual) -> f64 {
+/// True when it is worth comparing surfaces: from what the places say the merge may come to be
+/// joined or told of. Two places never suffice.
+pub(super) fn may_suffice(observed: &Observed, usual: &Usual) -> bool {
+    decades_at_best(observed, usual) <= WORTH_COMPARING
+}
+
+/// The best that [`decades`] can come to, from what the places say.
+fn decades_at_best(observed: &Observed, usual: &Usual) -> f64 {
     places(observed) + against(observed, usual) - MOST_CREDIT
 }
 
