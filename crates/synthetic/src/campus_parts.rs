@@ -141,8 +141,9 @@ pub(crate) fn hall(
     for lane in &grid {
         site.chain(lane);
     }
-    for column in 0..columns {
-        site.chain(&[grid[0][column], grid[1][column], grid[2][column]]);
+    let [south, middle, north] = &grid;
+    for ((a, b), c) in south.iter().zip(middle).zip(north) {
+        site.chain(&[*a, *b, *c]);
     }
     site.chain(&[ends.0, grid[1][0]]);
     site.chain(&[grid[1][columns - 1], ends.1]);
