@@ -35,8 +35,8 @@ impl Agenda {
         self.refused.insert(firsts(pair, islands));
     }
 
-    /// The pairs to be examined now: no island is in two of them. Those of which an island has grown
-    /// without any new match come last, and only if `again`.
+    /// The pairs to be examined now: no island is in two of them. Those of which an island has
+    /// grown without any new match come last, and only if `again`.
     pub fn next(&mut self, islands: &Islands, again: bool) -> Vec<IslandPair> {
         let refused = &self.refused;
         self.open.retain(|pair| !refused.contains(&firsts(pair.ends(islands), islands)));
