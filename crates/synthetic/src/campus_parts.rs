@@ -142,8 +142,8 @@ pub(crate) fn hall(
         site.chain(lane);
     }
     let [south, middle, north] = &grid;
-    for ((s, m), n) in south.iter().zip(middle).zip(north) {
-        site.chain(&[*s, *m, *n]);
+    for ((a, b), c) in south.iter().zip(middle).zip(north) {
+        site.chain(&[*a, *b, *c]);
     }
     site.chain(&[ends.0, grid[1][0]]);
     site.chain(&[grid[1][columns - 1], ends.1]);
