@@ -8,8 +8,8 @@
 //! a metre or a tenth of a radian. A merge is missed when one building's robots are on several
 //! islands. What was merged wrongly is told with its evidence.
 
-use manifold::{Change, Patch, PatchId};
-use manifoldslam_slam::{Event, Mapper, SlamConfig, Team};
+use manifold::{Patch, PatchId};
+use manifoldslam_slam::{SlamConfig, Team};
 use std::collections::BTreeMap;
 use synthetic::{Meeting, TwinCase, TwinFamily, twins};
 
@@ -56,28 +56,12 @@ fn tell(case: &TwinCase, seed: u64, team: &Team) {
 }
 
 fn mapped(case: &TwinCase) -> Team {
-    let config = SlamConfig::default();
-    let mut team = Team::new(config);
+    let mut team = Team::new(SlamConfig::default());
     for (number, run) in case.runs.iter().enumerate() {
-        let robot = team.add_robot(&format!("robot-{number}"));
-        let mut mapper = Mapper::new(config);
-        for observation in &run.observations {
-            let events = mapper.step(observation.clone());
-            let changes: Vec<Change> = events.into_iter().filter_map(change).collect();
-            team.receive(robot, &changes);
-        }
-        mapper.conclude();
-        team.join(robot, mapper);
+        team.map_robot(&format!("robot-{number}"), run.observations.iter().cloned());
     }
     team.merge();
     team
-}
-
-fn change(event: Event) -> Option<Change> {
-    match event {
-        Event::Map(change) => Some(change),
-        Event::Localised(..) => None,
-    }
 }
 
 /// Whether an island holds robots of two buildings, and how many islands there are.

@@ -3,8 +3,8 @@
 
 use crate::runs::{ate, building};
 use geometry::Pose2;
-use manifold::{Change, PatchId, Provenance, Relation, RelationState, Retraction};
-use manifoldslam_slam::{Event, Mapper, MergeState, SlamConfig, Team};
+use manifold::{PatchId, Provenance, Relation, RelationState, Retraction};
+use manifoldslam_slam::{MergeState, SlamConfig, Team};
 use sensing::{Observation, RobotId};
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -12,24 +12,13 @@ use synthetic::{Meeting, Robot, TwinFamily, office, twins, two_loop_building};
 
 /// Adds a robot that mapped some observations, by an odometry frame of its own.
 fn join(team: &mut Team, name: &str, observations: &[Observation], odom: Pose2) -> RobotId {
-    let robot = team.add_robot(name);
-    let mut mapper = Mapper::new(SlamConfig::default());
-    for observation in observations {
-        let mut observation = observation.clone();
-        observation.odom_from_base = observation.odom_from_base.map(|pose| odom * pose);
-        let changes: Vec<Change> = mapper
-            .step(observation)
-            .into_iter()
-            .filter_map(|event| match event {
-                Event::Map(change) => Some(change),
-                Event::Localised(..) => None,
-            })
-            .collect();
-        team.receive(robot, &changes);
-    }
-    mapper.conclude();
-    team.join(robot, mapper);
-    robot
+    team.map_robot(
+        name,
+        observations.iter().cloned().map(|mut observation| {
+            observation.odom_from_base = observation.odom_from_base.map(|pose| odom * pose);
+            observation
+        }),
+    )
 }
 
 /// The two-loop building's log cut in two; the second robot starts in the middle and knows nothing
