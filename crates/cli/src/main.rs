@@ -5,6 +5,7 @@
 
 mod args;
 mod atomic;
+mod bad_data;
 mod benchmark;
 mod commands;
 mod config;
@@ -20,6 +21,7 @@ mod result_folder;
 mod scoring;
 mod team;
 mod terminal;
+mod tracks;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -1,4 +1,4 @@
-use crate::{ClosingSettings, MergingSettings, OdometrySettings, RefitSettings};
+use crate::{ClosingSettings, IntegritySettings, MergingSettings, OdometrySettings, RefitSettings};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
 use serde::{Deserialize, Serialize};
@@ -23,6 +23,8 @@ pub struct SlamConfig {
     pub relation_floor: RelationFloor,
     /// Loop closing.
     pub closing: ClosingSettings,
+    /// Noticing bad data.
+    pub integrity: IntegritySettings,
     /// Joining islands.
     pub merging: MergingSettings,
     /// The global refit.
@@ -47,6 +49,7 @@ impl Default for SlamConfig {
             submap: SubmapLimits::default(),
             relation_floor: RelationFloor::default(),
             closing: ClosingSettings::default(),
+            integrity: IntegritySettings::default(),
             merging: MergingSettings::default(),
             refit: RefitSettings::default(),
             noise: BeamNoise::default(),

@@ -2,7 +2,7 @@ use crate::map::Map;
 use crate::merging::{Merge, Merger};
 use crate::refit::{refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
-use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
+use crate::{BadStretch, Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
 use manifold::{Change, Manifold, PatchId, Relation, RelationId, Retraction, Way};
 use sensing::RobotId;
@@ -25,6 +25,8 @@ pub struct Team {
 struct Track {
     scans: Vec<ScanRecord>,
     statistics: Statistics,
+    /// What is left out of the map.
+    bad: Vec<BadStretch>,
     /// Names in the team's map of what the robot calls by its own.
     patches: Vec<PatchId>,
     relations: Vec<RelationId>,
@@ -59,7 +61,7 @@ impl Team {
     pub fn join(&mut self, robot: RobotId, mut mapper: Mapper) {
         let changes = mapper.take_changes();
         self.receive(robot, &changes);
-        let statistics = mapper.statistics();
+        let (statistics, bad) = (mapper.statistics(), mapper.bad_stretches());
         let track = &mut self.tracks[usize::from(robot.0)];
         for (patch, surface) in track.patches.iter().zip(mapper.map.surfaces) {
             self.map.set_surface(*patch, surface);
@@ -69,7 +71,7 @@ impl Team {
             scan.found.patch = track.patches[scan.found.patch.index()];
             scan.pose = scan.found;
         }
-        track.statistics = statistics;
+        (track.statistics, track.bad) = (statistics, bad);
     }
 
     /// Takes a relation back, by the user's word. The map is that without it after
@@ -149,6 +151,11 @@ impl Team {
     /// Base pose of each of a robot's scans in the frame of the island it is on.
     pub fn trajectory(&self, robot: RobotId) -> Vec<Pose2> {
         self.scan_poses(robot).map(|pose| pose.in_map(&self.map.manifold)).collect()
+    }
+
+    /// Stretches of a robot's log that are left out of the map, in the order of its observations.
+    pub fn bad_stretches(&self, robot: RobotId) -> &[BadStretch] {
+        &self.tracks[usize::from(robot.0)].bad
     }
 
     /// Islands that were merged, and merges that may be but are not sure enough.

@@ -26,5 +26,7 @@ pub(crate) struct ScanRecord {
     /// Where the last global pass has it.
     pub pose: ScanPose,
     pub odom_from_base: Option<Pose2>,
+    /// Its robot's data were bad: it is no part of the map.
+    pub left_out: bool,
     pub surface: CompactPoints,
 }

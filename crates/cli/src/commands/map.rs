@@ -1,5 +1,6 @@
 use crate::Outcome;
 use crate::args::{Global, MapArgs};
+use crate::bad_data::warnings;
 use crate::config::Config;
 use crate::islands::map_file;
 use crate::metrics::Metrics;
@@ -72,6 +73,9 @@ fn map_together(
     let start = Instant::now();
     let mapped = map_team(sources, config, global)?;
     let metrics = write_result(folder, &mapped, config, start)?;
+    for warning in warnings(&metrics) {
+        eprintln!("warning: {warning}");
+    }
     Ok((metrics, mapped.is_lossy()))
 }
 

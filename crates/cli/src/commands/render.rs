@@ -123,15 +123,23 @@ struct Source {
     island: usize,
 }
 
-/// A trajectory with its log.
+/// Trajectories of one robot with its log.
 struct Robot {
     name: String,
-    poses: Vec<TumPose>,
+    /// One for each island it is on.
+    trajectories: Vec<IslandTrajectory>,
     log: PathBuf,
     /// Patches by the index of their scan; none for a trajectory that is not of a result folder.
     patches: Option<BTreeMap<usize, PatchRow>>,
-    /// Which scans are on the island to draw.
-    drawn: Vec<bool>,
+    /// Scans that are on no trajectory: data were bad.
+    left_out: usize,
+}
+
+/// A trajectory on one island.
+struct IslandTrajectory {
+    poses: Vec<TumPose>,
+    /// It is on the island to draw.
+    drawn: bool,
 }
 
 /// A patch as a result folder tells of it.
@@ -151,9 +159,8 @@ impl Source {
             bail!("a trajectory alone cannot be drawn; name its log, and only that, with --log");
         };
         let name = args.source.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let poses = open_tum(&args.source)?;
-        let drawn = vec![true; poses.len()];
-        let robot = Robot { name, poses, log: log.clone(), patches: None, drawn };
+        let trajectories = vec![IslandTrajectory { poses: open_tum(&args.source)?, drawn: true }];
+        let robot = Robot { name, trajectories, log: log.clone(), patches: None, left_out: 0 };
         Ok(Source { robots: vec![robot], config: Config::default(), island: 0 })
     }
 
@@ -184,9 +191,11 @@ impl Source {
         for (k, (name, file)) in named.iter().enumerate() {
             let given = args.log.iter().find(|log| named.len() == 1 || stem(log) == *name);
             let log = given.cloned().unwrap_or_else(|| PathBuf::from(file));
-            let poses = open_tum(&folder.join(format!("{name}.tum")))?;
-            let patches = std::mem::take(&mut patches[k]);
-            robots.push(Robot::on_island(name, poses, log, patches, island));
+            let trajectories = read_trajectories(folder, &logs[k], island)?;
+            let patches = Some(std::mem::take(&mut patches[k]));
+            let bad = logs[k]["bad_data"].as_array().map_or(&[][..], Vec::as_slice);
+            let left_out = bad.iter().filter_map(|bad| bad["scans"].as_u64()).sum::<u64>() as usize;
+            robots.push(Robot { name: name.clone(), trajectories, log, patches, left_out });
         }
         Ok(Source { robots, config, island })
     }
@@ -208,31 +217,25 @@ impl Source {
 }
 
 impl Robot {
-    /// A scan is on the island of the last patch before it, the first ones on that of the first
-    /// patch.
-    fn on_island(
-        name: &str,
-        poses: Vec<TumPose>,
-        log: PathBuf,
-        patches: BTreeMap<usize, PatchRow>,
-        island: usize,
-    ) -> Self {
-        let mut here = patches.values().next().is_some_and(|first| first.island == island);
-        let is_here = |scan: usize| {
-            here = patches.get(&scan).map_or(here, |patch| patch.island == island);
-            here
-        };
-        let drawn = (0..poses.len()).map(is_here).collect();
-        Robot { name: name.to_owned(), poses, log, patches: Some(patches), drawn }
-    }
-
     fn is_drawn(&self) -> bool {
-        self.drawn.contains(&true)
+        self.trajectories.iter().any(|part| part.drawn)
     }
 
     fn path(&self) -> Vec<Pose2> {
-        let scans = self.poses.iter().zip(&self.drawn);
-        scans.filter(|(_, drawn)| **drawn).map(|(scan, _)| scan.pose).collect()
+        let drawn = self.trajectories.iter().filter(|part| part.drawn);
+        drawn.flat_map(|part| part.poses.iter().map(|scan| scan.pose)).collect()
+    }
+
+    /// The pose of the log's next scan, `Some(None)` where it is not on the island to draw; `None`
+    /// for a scan on no trajectory. `next` counts the poses taken from each.
+    fn pose_of(&self, stamp_text: &str, next: &mut [usize]) -> Option<Option<Pose2>> {
+        for (part, next) in self.trajectories.iter().zip(next) {
+            if let Some(scan) = part.poses.get(*next).filter(|p| p.stamp_text == stamp_text) {
+                *next += 1;
+                return Some(part.drawn.then_some(scan.pose));
+            }
+        }
+        None
     }
 
     /// Adds the scans to draw with their lasers' poses; true when the log lost some.
@@ -246,32 +249,51 @@ impl Robot {
         let file = LogFile::open(&self.log)?;
         let reading = Reading::of_file(file, &self.log, read_options(config), |record, _| record)?;
         let mut last: Option<Pose2> = None;
-        let mut count = 0;
+        let (mut count, mut left_out) = (0, 0);
+        let mut next = vec![0; self.trajectories.len()];
         for (i, record) in reading.records().enumerate() {
             count = i + 1;
-            let Some(pose) = self.poses.get(i).filter(|p| p.stamp_text == record.stamp_text) else {
+            let pose = self.pose_of(&record.stamp_text, &mut next);
+            left_out += usize::from(pose.is_none());
+            if left_out > self.left_out {
                 bail!(
                     "{}, line {}: this scan is not in the trajectory",
                     self.log.display(),
                     record.line
                 );
-            };
+            }
             let map_from_base = match &self.patches {
                 Some(patches) if !all => {
                     patches.get(&i).filter(|patch| patch.island == island).map(|patch| patch.pose)
                 }
-                _ => Some(pose.pose).filter(|pose| self.drawn[i] && (all || is_apart(last, pose))),
+                _ => pose.flatten().filter(|pose| all || is_apart(last, pose)),
             };
             let Some(map_from_base) = map_from_base else { continue };
             last = Some(map_from_base);
             let seen = record.observation;
             scans.push((map_from_base * seen.base_from_laser, seen.scan));
         }
-        if count != self.poses.len() {
-            bail!("{} has {count} scans, the trajectory {}", self.log.display(), self.poses.len());
+        let told: usize = self.trajectories.iter().map(|part| part.poses.len()).sum();
+        if next.iter().sum::<usize>() != told {
+            bail!("{} has {count} scans, the trajectory {told}", self.log.display());
         }
         Ok(reading.finish()?.0.is_lossy())
     }
+}
+
+/// The trajectories that a result's metrics name for a log.
+fn read_trajectories(
+    folder: &Path,
+    log: &serde_json::Value,
+    island: usize,
+) -> Result<Vec<IslandTrajectory>> {
+    let named = log["trajectories"].as_array().map_or(&[][..], Vec::as_slice);
+    let read = |part: &serde_json::Value| {
+        let file = part["file"].as_str().context("a trajectory without a file")?;
+        let drawn = part["island"].as_u64() == Some(island as u64 + 1);
+        Ok(IslandTrajectory { poses: open_tum(&folder.join(file))?, drawn })
+    };
+    named.iter().map(read).collect()
 }
 
 /// Each robot's patches with their poses from the graph, by the index of the scan each was made of.
@@ -292,8 +314,10 @@ fn read_patches(
         let scan = fields.next()?.parse().ok()?;
         let name = unquoted(fields.nth(1)?);
         let robot = robots.iter().position(|(robot, _)| *robot == name)?;
-        let island = island.parse::<usize>().ok()?.checked_sub(1)?;
-        patches[robot].insert(scan, PatchRow { pose, island });
+        // 0 stands for a patch that is left out.
+        if let Some(island) = island.parse::<usize>().ok()?.checked_sub(1) {
+            patches[robot].insert(scan, PatchRow { pose, island });
+        }
         Some(())
     };
     csv.lines().skip(1).map(&mut parse).collect::<Option<()>>().with_context(|| {
