@@ -156,7 +156,7 @@ impl Metrics {
         for log in &self.logs {
             text.push_str(&log.to_text());
         }
-        if self.logs.len() > 1 || self.islands.len() > 1 {
+        if self.logs.len() > 1 || self.islands.len() > 1 || !self.merges.is_empty() {
             for (k, island) in self.islands.iter().enumerate() {
                 text.push_str(&format!("  island {}: {}\n", k + 1, island.to_text()));
             }
