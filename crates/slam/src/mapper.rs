@@ -180,7 +180,7 @@ impl Mapper {
         self.statistics.closures.retracted += retracted.len();
     }
 
-    /// Cuts the map where the sensors say that data went bad, and goes on where they are good again.
+    /// Cuts the map where the sensors say that data went bad; goes on where they are good again.
     fn watch_sensors(&mut self, observation: &Observation) {
         let number = self.scans.len();
         let Mapper { integrity, map, scans, .. } = self;

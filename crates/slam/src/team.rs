@@ -1,6 +1,6 @@
 use crate::map::Map;
 use crate::merging::{Merge, Merger};
-use crate::refit::{refit, relocalise, settle};
+use crate::refit::{reconsider_relations, refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{BadStretch, Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
@@ -112,10 +112,21 @@ impl Team {
         team
     }
 
-    /// The global pass: joins islands, refits each and places every scan in it.
+    /// The global pass: joins islands, takes back what contradicts the rest, refits each island and
+    /// places every scan in it.
     pub fn finish(&mut self) {
         self.merge();
+        self.reconsider();
         self.rebuild();
+    }
+
+    /// Takes back closures and merges, however early they were made, that by now contradict the
+    /// rest.
+    fn reconsider(&mut self) {
+        let config = self.config;
+        let contradicted =
+            self.timed(Stage::Optimisation, |t| reconsider_relations(&mut t.map, &config));
+        self.statistics.closures.retracted += contradicted.len();
     }
 
     /// Makes the map anew from the relations that hold, the ways driven and the scans: places every
@@ -239,3 +250,7 @@ impl Team {
         result
     }
 }
+
+#[cfg(test)]
+#[path = "taking_back.rs"]
+mod taking_back;

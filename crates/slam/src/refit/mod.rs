@@ -13,7 +13,7 @@ use crate::map::Map;
 use breadth_first::refit_breadth_first;
 use geometry::{LieGroup, Matrix3, Pose2};
 use graphs::IslandGraphs;
-use manifold::{PatchId, RelationId, Retraction};
+use manifold::{PatchId, Provenance, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
 use optimizer::{Edge, EdgeKind, Kernel, Settings};
 use overlaps::{Overlap, measure_overlaps};
@@ -87,6 +87,38 @@ impl Default for RefitSettings {
 /// Re-estimates all patch poses from the relations of the run. Closures that turn out to contradict
 /// the rest are retracted; returns them.
 pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
+    let contradicted = find_contradicted(map, config);
+    for &id in &contradicted {
+        map.manifold.retract(id, Retraction::Contradicted);
+    }
+    contradicted
+}
+
+/// [`optimise_relations`] where what was believed so far may be wrong, a merge on few places for
+/// example: poses that rest on it would speak against everything else. Where something contradicts,
+/// graduated non-convexity first finds what most closures agree about.
+pub(crate) fn reconsider_relations(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
+    let contradicted = find_contradicted(map, config);
+    if contradicted.is_empty() {
+        return contradicted;
+    }
+    let islands = map.manifold.component_map();
+    let doubted: BTreeSet<usize> =
+        contradicted.iter().map(|id| islands.of(map.manifold.relation(*id).from)).collect();
+    for island in doubted {
+        let closures = map
+            .manifold
+            .active_relations()
+            .filter(|r| r.provenance != Provenance::Sequential && islands.of(r.from) == island);
+        let closures: Vec<RelationId> = closures.map(|r| r.id).collect();
+        graphs::doubt(map, &islands.members[island], &closures);
+    }
+    optimise_relations(map, config)
+}
+
+/// Re-estimates all patch poses from the relations of the run; the closures that contradict the
+/// rest.
+fn find_contradicted(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
     let islands = map.manifold.component_map();
     let mut graphs = IslandGraphs::new(map, &islands);
     let closures = graphs.add_relations(map, 1.0);
@@ -94,15 +126,9 @@ pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<Rela
     let weight = |(island, edge): (usize, usize)| {
         reports[island].as_ref().map_or(1.0, |report| report.weights[edge])
     };
-    let contradicted: Vec<RelationId> = closures
-        .into_iter()
-        .filter(|(place, _)| weight(*place) < CONTRADICTED_WEIGHT)
-        .map(|(_, id)| id)
-        .collect();
-    for &id in &contradicted {
-        map.manifold.retract(id, Retraction::Contradicted);
-    }
-    contradicted
+    let contradicted =
+        closures.into_iter().filter(|(place, _)| weight(*place) < CONTRADICTED_WEIGHT);
+    contradicted.map(|(_, id)| id).collect()
 }
 
 /// Cauchy weight of a closure seven standard deviations off, at a scale of three.
