@@ -188,7 +188,17 @@ impl Mapper {
         integrity.pieces.begin_scan(map);
         match integrity.sensors.watch(observation) {
             Verdict::Unchanged => {}
-            Verdict::WentBad(fault, bad) => self.cut(fault, number + 1 - bad),
+            Verdict::WentBad(fault, bad) => {
+                self.cut(fault, number + 1 - bad);
+                // What is left out is told where odometry has it.
+                let believed = self.scans.last().map(|last| {
+                    let moved =
+                        bridge(&self.scans[number - 1..], observation, &self.config.odometry);
+                    last.found.in_map(&self.map.manifold)
+                        * moved.map_or(Pose2::IDENTITY, |m| m.mean)
+                });
+                self.restart(believed.unwrap_or(Pose2::IDENTITY));
+            }
             Verdict::GoodAgain => self.resume(observation),
         }
     }

@@ -22,6 +22,8 @@ pub(crate) struct Visibility {
 /// centimetres, beams to half a degree, walls are seen at an angle.
 const NEAR_M: f64 = 0.2;
 const NEAR_SHARE: f64 = 0.03;
+/// Between beams farther apart than this a scan knows nothing, radians.
+const WIDEST_RAD: f64 = 0.04;
 
 impl Visibility {
     /// Compares two scans, each with what the other sees.
@@ -71,6 +73,9 @@ pub(crate) fn seen_from(viewer: &View, seen: &View) -> Visibility {
 /// looked through; `None` for one it knows nothing of.
 fn classify(scan: &Scan, point: Vector2<f64>) -> Option<bool> {
     let laser = scan.laser();
+    if laser.angle_increment_rad.abs() > WIDEST_RAD {
+        return None;
+    }
     let from_first = geometry::wrap_angle(point.y.atan2(point.x) - laser.angle_min_rad);
     let turned = if from_first * laser.angle_increment_rad < 0.0 {
         from_first + laser.angle_increment_rad.signum() * std::f64::consts::TAU
