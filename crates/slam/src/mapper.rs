@@ -191,13 +191,7 @@ impl Mapper {
             Verdict::WentBad(fault, bad) => {
                 self.cut(fault, number + 1 - bad);
                 // What is left out is told where odometry has it.
-                let believed = self.scans.last().map(|last| {
-                    let moved =
-                        bridge(&self.scans[number - 1..], observation, &self.config.odometry);
-                    last.found.in_map(&self.map.manifold)
-                        * moved.map_or(Pose2::IDENTITY, |m| m.mean)
-                });
-                self.restart(believed.unwrap_or(Pose2::IDENTITY));
+                self.restart(self.believed(observation));
             }
             Verdict::GoodAgain => self.resume(observation),
         }
@@ -222,17 +216,24 @@ impl Mapper {
     /// Data are good again. Where odometry bridges the time between, the map goes on from there.
     fn resume(&mut self, observation: &Observation) {
         let bridge = self.integrity.pieces.blind_since().and_then(|from| {
-            let last = self.scans.get(from.checked_sub(1)?)?.found;
-            Some((last, bridge(&self.scans[from - 1..], observation, &self.config.odometry)?))
+            let last = self.scans.get(from.checked_sub(1)?).filter(|scan| !scan.left_out)?.found;
+            let moved = bridge(&self.scans[from - 1..], observation, &self.config.odometry)?;
+            Some((last.patch, GaussianPose2 { mean: last.patch_from_base * moved.mean, ..moved }))
         });
         self.integrity.pieces.resume(self.scans.len(), bridge.is_some());
-        self.restart(Pose2::IDENTITY);
-        if let Some((last, motion)) = bridge {
-            let GaussianPose2 { mean, covariance } = motion;
-            let relation = GaussianPose2 { mean: last.patch_from_base * mean, covariance };
-            self.restart(self.map.pose(last.patch) * relation.mean);
-            self.front_end.bridge(last.patch, relation);
+        self.restart(
+            bridge.map_or(Pose2::IDENTITY, |(from, step)| self.map.pose(from) * step.mean),
+        );
+        if let Some((from, relation)) = bridge {
+            self.front_end.bridge(from, relation);
         }
+    }
+
+    /// Where odometry has the robot after the scans so far.
+    fn believed(&self, observation: &Observation) -> Pose2 {
+        let Some(last) = self.scans.last() else { return Pose2::IDENTITY };
+        let moved = bridge(std::slice::from_ref(last), observation, &self.config.odometry);
+        last.found.in_map(&self.map.manifold) * moved.map_or(Pose2::IDENTITY, |m| m.mean)
     }
 
     fn restart(&mut self, island_from_base: Pose2) {

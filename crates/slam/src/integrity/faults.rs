@@ -25,8 +25,8 @@ pub struct BadStretch {
     pub bridged: bool,
 }
 
-/// Noticing bad data. The numbers separate the mishaps of `bench/faults` from all that real logs and
-/// the stress logs show while their maps are right.
+/// Noticing bad data. The numbers separate the mishaps of `bench/faults` from all that real logs
+/// and the stress logs show while their maps are right.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct IntegritySettings {

@@ -1,4 +1,4 @@
-//! Data that go bad: noticed where it happened and left out; the rest of the map is as good as ever.
+//! Data that go bad: noticed where it happened and left out; the rest is as good as ever.
 
 use crate::runs::{ate, building, mapped_building};
 use geometry::Pose2;
