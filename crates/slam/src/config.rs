@@ -1,4 +1,4 @@
-use crate::{ClosingSettings, MergingSettings, OdometrySettings, RefitSettings};
+use crate::{ClosingSettings, IntegritySettings, MergingSettings, OdometrySettings, RefitSettings};
 use geometry::{LieGroup, Pose2};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
@@ -24,6 +24,8 @@ pub struct SlamConfig {
     pub relation_floor: RelationFloor,
     /// Loop closing.
     pub closing: ClosingSettings,
+    /// Noticing bad data.
+    pub integrity: IntegritySettings,
     /// Joining islands.
     pub merging: MergingSettings,
     /// The global refit.
@@ -48,6 +50,7 @@ impl Default for SlamConfig {
             submap: SubmapLimits::default(),
             relation_floor: RelationFloor::default(),
             closing: ClosingSettings::default(),
+            integrity: IntegritySettings::default(),
             merging: MergingSettings::default(),
             refit: RefitSettings::default(),
             noise: BeamNoise::default(),

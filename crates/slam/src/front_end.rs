@@ -19,6 +19,10 @@ pub(crate) struct FrontEnd {
     odometer: Odometer,
     last_motion: Pose2,
     last_patch: Option<PatchId>,
+    /// Where the first patch of a piece of map is put.
+    start: Pose2,
+    /// The patch it is related to, and how.
+    bridge: Option<(PatchId, GaussianPose2)>,
     /// Covariance added by disagreement of odometry and matches since the last patch.
     doubt: Matrix3<f64>,
 }
@@ -34,6 +38,8 @@ pub(crate) struct Localisation {
     pub recovered: bool,
     /// Share of the scan that the submap explains; 1 for the first scan.
     pub explained: f64,
+    /// From where it was expected to where it was found.
+    pub shift: Pose2,
 }
 
 impl FrontEnd {
@@ -46,6 +52,8 @@ impl FrontEnd {
             odometer: Odometer::new(config.odometry),
             last_motion: Pose2::IDENTITY,
             last_patch: None,
+            start: Pose2::IDENTITY,
+            bridge: None,
             doubt: Matrix3::zeros(),
         }
     }
@@ -59,7 +67,7 @@ impl FrontEnd {
         map: &mut Map,
     ) -> Localisation {
         let Some(last_patch) = self.last_patch else {
-            return self.start_island(observation, scan, map);
+            return self.start_piece(observation, scan, map);
         };
         let motion = self.odometer.read(&observation, &self.last_motion);
         let expected = self.expect(&motion);
@@ -75,7 +83,8 @@ impl FrontEnd {
         }
         let expected = &expected.poses[confirmed];
         let pose = if result.status.is_usable() { result.pose } else { expected.mean };
-        self.note_disagreement(&expected.mean.between(&pose), expected, &result, poor);
+        let shift = expected.mean.between(&pose);
+        self.note_disagreement(&shift, expected, &result, poor);
         self.last_motion = self.anchor_from_base.between(&pose);
         self.anchor_from_base = pose;
         let (patch, patch_from_base, is_patch) = if self.must_extend(&result) {
@@ -91,7 +100,8 @@ impl FrontEnd {
             true => Matrix3::zeros(),
             false => self.config.relation_covariance(&result.covariance, Some(expected)),
         };
-        Localisation { patch, patch_from_base, covariance, is_patch, recovered: poor, explained }
+        let recovered = poor;
+        Localisation { patch, patch_from_base, covariance, is_patch, recovered, explained, shift }
     }
 
     /// Where the scan may have been taken, in the submap's frame.
@@ -106,6 +116,17 @@ impl FrontEnd {
         }
     }
 
+    /// Begins another piece of map with the next scan, whose pose is given: nothing relates it to
+    /// what was mapped before.
+    pub fn restart(&mut self, island_from_base: Pose2) {
+        *self = FrontEnd { start: island_from_base, ..FrontEnd::new(self.config) };
+    }
+
+    /// Relates the first patch of the next piece to an earlier one after all.
+    pub fn bridge(&mut self, from: PatchId, relation: GaussianPose2) {
+        self.bridge = Some((from, relation));
+    }
+
     /// After a refit moved the map: lays the submap anew around `patch`, the robot staying where it
     /// is seen from there.
     pub fn relocate(&mut self, map: &Map, patch: PatchId) {
@@ -116,7 +137,7 @@ impl FrontEnd {
         self.submap.rebuild(map, patch, &self.config.submap, margin);
     }
 
-    fn start_island(
+    fn start_piece(
         &mut self,
         observation: Observation,
         scan: &[LinePoint],
@@ -124,7 +145,10 @@ impl FrontEnd {
     ) -> Localisation {
         self.odometer.read(&observation, &Pose2::IDENTITY);
         self.odometer.new_patch();
-        let patch = add_patch(observation, scan, Pose2::IDENTITY, map);
+        let patch = add_patch(observation, scan, self.start, map);
+        if let Some((from, relation)) = self.bridge.take() {
+            map.manifold.relate(from, patch, relation, Provenance::Sequential);
+        }
         self.last_patch = Some(patch);
         self.relocate(map, patch);
         Localisation {
@@ -134,6 +158,7 @@ impl FrontEnd {
             is_patch: true,
             recovered: false,
             explained: 1.0,
+            shift: Pose2::IDENTITY,
         }
     }
 

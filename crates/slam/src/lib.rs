@@ -8,6 +8,7 @@ mod active_submap;
 mod config;
 mod event;
 mod front_end;
+mod integrity;
 mod localiser;
 mod loop_closing;
 mod map;
@@ -27,6 +28,7 @@ mod track;
 
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
 pub use event::{Event, Stage, StageObserver, Unobserved};
+pub use integrity::{BadStretch, Fault, IntegritySettings};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
 pub use mapper::Mapper;
 pub use merging::{

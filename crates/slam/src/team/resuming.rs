@@ -2,7 +2,7 @@ use super::{Known, Team, Track};
 use crate::map::Map;
 use crate::merging::Merge;
 use crate::track::{ScanPose, ScanRecord};
-use crate::{Preparation, SlamConfig, StageObserver, Statistics};
+use crate::{BadStretch, Preparation, SlamConfig, StageObserver, Statistics};
 use geometry::Pose2;
 use manifold::{Manifold, Patch, PatchId};
 use matching::{CompactPoints, LinePoint};
@@ -21,6 +21,8 @@ pub struct StoredTeam {
     pub scans: Vec<Vec<StoredScan>>,
     /// For every robot what its mapping counted.
     pub statistics: Vec<Statistics>,
+    /// For every robot the stretches of its log that are left out.
+    pub bad_stretches: Vec<Vec<BadStretch>>,
     /// Islands that were merged, and merges that may be.
     pub merges: Vec<Merge>,
 }
@@ -49,7 +51,7 @@ impl Team {
         observer: Box<dyn StageObserver>,
         stored: StoredTeam,
     ) -> Self {
-        let StoredTeam { manifold, scans, statistics, merges } = stored;
+        let StoredTeam { manifold, scans, statistics, bad_stretches, merges } = stored;
         let observations: Vec<Observation> = manifold.patches().iter().map(taken_from).collect();
         let surfaces = surfaces(&config, observations);
         let robots = manifold.robots().len();
@@ -57,8 +59,14 @@ impl Team {
         for (track, counted) in tracks.iter_mut().zip(statistics) {
             track.statistics = counted;
         }
+        for (track, bad) in tracks.iter_mut().zip(bad_stretches) {
+            track.bad = bad;
+        }
         for (track, scans) in tracks.iter_mut().zip(scans) {
             track.scans = records(&config, scans);
+            for (k, scan) in track.scans.iter_mut().enumerate() {
+                scan.left_out = track.bad.iter().any(|stretch| stretch.scans.contains(&k));
+            }
         }
         for patch in manifold.patches() {
             tracks[usize::from(patch.robot.0)].patches.push(patch.id);
@@ -114,6 +122,7 @@ fn records(config: &SlamConfig, scans: Vec<StoredScan>) -> Vec<ScanRecord> {
             found: scan.found,
             pose: scan.pose,
             stamp: scan.stamp,
+            left_out: false,
             odom_from_base: config.usable_odometry(scan.odom_from_base),
             surface: CompactPoints::new(&surface),
         }
