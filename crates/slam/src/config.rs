@@ -1,4 +1,4 @@
-use crate::{ClosingSettings, OdometrySettings, RefitSettings};
+use crate::{ClosingSettings, ElevationSettings, OdometrySettings, RefitSettings};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
 use serde::{Deserialize, Serialize};
@@ -15,6 +15,8 @@ pub struct SlamConfig {
     pub match_correlation: f64,
     /// How far odometry is trusted.
     pub odometry: OdometrySettings,
+    /// Heights, where robots have an inertial unit.
+    pub elevation: ElevationSettings,
     /// When a scan becomes a patch.
     pub extension: ExtensionSettings,
     /// What belongs to a local submap.
@@ -41,6 +43,7 @@ impl Default for SlamConfig {
             front_end: MatcherKind::default(),
             match_correlation: 10.0,
             odometry: OdometrySettings::default(),
+            elevation: ElevationSettings::default(),
             extension: ExtensionSettings::default(),
             submap: SubmapLimits::default(),
             relation_floor: RelationFloor::default(),

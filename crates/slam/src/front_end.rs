@@ -1,10 +1,11 @@
 use crate::SlamConfig;
 use crate::active_submap::ActiveSubmap;
+use crate::climbing::{Climbing, Stance};
 use crate::localiser::{Expectation, Localised, Localiser, SightedScan};
 use crate::map::Map;
 use crate::odometer::{Motion, Odometer};
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::{INTERVAL_95, Patch, PatchId, Provenance, Way};
+use manifold::{Elevation, INTERVAL_95, Patch, PatchId, Provenance, Way};
 use matching::{LinePoint, MatchResult};
 use sensing::Observation;
 use std::sync::Arc;
@@ -17,6 +18,7 @@ pub(crate) struct FrontEnd {
     submap: ActiveSubmap,
     anchor_from_base: Pose2,
     odometer: Odometer,
+    climbing: Climbing,
     last_motion: Pose2,
     last_patch: Option<PatchId>,
     /// Covariance added by disagreement of odometry and matches since the last patch.
@@ -30,8 +32,10 @@ pub(crate) struct Localisation {
     pub patch_from_base: Pose2,
     pub is_patch: bool,
     pub recovered: bool,
-    /// Share of the scan that the submap explains; 1 for the first scan.
+    /// Share of the scan that the submap explains; 1 for the first scan and those not matched.
     pub explained: f64,
+    /// The robot had fallen over: the scan was not matched.
+    pub tipped: bool,
 }
 
 impl FrontEnd {
@@ -42,10 +46,20 @@ impl FrontEnd {
             submap: ActiveSubmap::new(config.field),
             anchor_from_base: Pose2::IDENTITY,
             odometer: Odometer::new(config.odometry),
+            climbing: Climbing::new(config.elevation),
             last_motion: Pose2::IDENTITY,
             last_patch: None,
             doubt: Matrix3::zeros(),
         }
+    }
+
+    /// Puts an observation and its surface on the plan, before [`FrontEnd::process`].
+    pub fn level(
+        &mut self,
+        observation: &mut Observation,
+        surface: &mut Vec<LinePoint>,
+    ) -> Stance {
+        self.climbing.level(observation, surface)
     }
 
     /// Localises a scan in the local submap and extends the manifold if the fit says so. Odometry
@@ -60,6 +74,49 @@ impl FrontEnd {
             return self.start_island(observation, scan, map);
         };
         let motion = self.odometer.read(&observation, &self.last_motion);
+        self.localise(motion, last_patch, observation, scan, map)
+    }
+
+    /// Follows a robot that has fallen over by its odometry, without looking at its scan.
+    pub fn follow(
+        &mut self,
+        observation: Observation,
+        scan: &[LinePoint],
+        map: &mut Map,
+    ) -> Localisation {
+        if self.last_patch.is_none() {
+            return Localisation { tipped: true, ..self.start_island(observation, scan, map) };
+        }
+        let motion = self.odometer.read(&observation, &self.last_motion).expected;
+        self.odometer.distrust();
+        self.doubt += motion.covariance;
+        self.move_by(motion.mean);
+        let (patch, anchor_from_patch) = self.submap.nearest(&self.anchor_from_base, 1.0);
+        let patch_from_base = anchor_from_patch.between(&self.anchor_from_base);
+        Localisation {
+            patch,
+            patch_from_base,
+            is_patch: false,
+            recovered: false,
+            explained: 1.0,
+            tipped: true,
+        }
+    }
+
+    fn move_by(&mut self, motion: Pose2) {
+        self.last_motion = motion;
+        self.anchor_from_base = self.anchor_from_base * motion;
+        self.climbing.moved(&motion);
+    }
+
+    fn localise(
+        &mut self,
+        motion: Motion,
+        last_patch: PatchId,
+        observation: Observation,
+        scan: &[LinePoint],
+        map: &mut Map,
+    ) -> Localisation {
         let expected = self.expect(&motion);
         let sighted = SightedScan {
             scan: &observation.scan,
@@ -76,6 +133,7 @@ impl FrontEnd {
         self.note_disagreement(&expected.mean.between(&pose), expected, &result, poor);
         self.last_motion = self.anchor_from_base.between(&pose);
         self.anchor_from_base = pose;
+        self.climbing.moved(&self.last_motion);
         let (patch, patch_from_base, is_patch) = if self.must_extend(&result) {
             let patch = self.extend(observation, scan, &result, expected, map);
             self.note_odometry(last_patch, patch, map);
@@ -85,7 +143,7 @@ impl FrontEnd {
             (patch, anchor_from_patch.between(&pose), false)
         };
         let explained = result.inlier_ratio;
-        Localisation { patch, patch_from_base, is_patch, recovered: poor, explained }
+        Localisation { patch, patch_from_base, is_patch, recovered: poor, explained, tipped: false }
     }
 
     /// Where the scan may have been taken, in the submap's frame.
@@ -118,7 +176,10 @@ impl FrontEnd {
     ) -> Localisation {
         self.odometer.read(&observation, &Pose2::IDENTITY);
         self.odometer.new_patch();
-        let patch = add_patch(observation, scan, Pose2::IDENTITY, map);
+        self.climbing.new_patch();
+        let ground = Elevation { height_m: 0.0, variance_m2: 0.0 };
+        let elevation = observation.attitude.map(|_| ground);
+        let patch = add_patch(observation, scan, Pose2::IDENTITY, elevation, map);
         self.last_patch = Some(patch);
         self.relocate(map, patch);
         Localisation {
@@ -127,6 +188,7 @@ impl FrontEnd {
             is_patch: true,
             recovered: false,
             explained: 1.0,
+            tipped: false,
         }
     }
 
@@ -183,7 +245,7 @@ impl FrontEnd {
         let (from, anchor_from_from) = self.submap.nearest(&self.anchor_from_base, 1.0);
         let from_from_to = anchor_from_from.between(&self.anchor_from_base);
         let pose = map.pose(from) * from_from_to;
-        let patch = add_patch(observation, scan, pose, map);
+        let patch = add_patch(observation, scan, pose, None, map);
         let covariance =
             self.config.relation_covariance(&result.covariance, Some(motion)) + self.doubt;
         let relation = GaussianPose2 { mean: from_from_to, covariance };
@@ -196,10 +258,16 @@ impl FrontEnd {
     }
 
     fn note_odometry(&mut self, last: PatchId, patch: PatchId, map: &mut Map) {
-        if let Some(mut motion) = self.odometer.new_patch() {
-            motion.covariance += self.doubt;
-            map.manifold.note_way(Way { from: last, to: patch, motion: Some(motion), climb: None });
+        let motion = self.odometer.new_patch().map(|motion| GaussianPose2 {
+            covariance: motion.covariance + self.doubt,
+            ..motion
+        });
+        let climb = self.climbing.new_patch();
+        if motion.is_some() || climb.is_some() {
+            map.manifold.note_way(Way { from: last, to: patch, motion, climb });
         }
+        let elevation = self.climbing.elevation(map.manifold.patch(last).elevation, climb);
+        map.manifold.elevate(elevation.map(|height| (patch, height)).into_iter().collect());
         self.last_patch = Some(patch);
         self.doubt = Matrix3::zeros();
     }
@@ -211,7 +279,13 @@ const DECISIVE_STD: [f64; 3] = [0.05, 0.05, 0.02];
 /// model.
 const DISAGREEMENT_SIGMAS: f64 = 4.0;
 
-fn add_patch(observation: Observation, scan: &[LinePoint], pose: Pose2, map: &mut Map) -> PatchId {
+fn add_patch(
+    observation: Observation,
+    scan: &[LinePoint],
+    pose: Pose2,
+    elevation: Option<Elevation>,
+    map: &mut Map,
+) -> PatchId {
     map.surfaces.push(scan.to_vec());
     map.manifold.add_patch(Patch {
         id: PatchId::default(),
@@ -222,7 +296,7 @@ fn add_patch(observation: Observation, scan: &[LinePoint], pose: Pose2, map: &mu
         base_from_laser: observation.base_from_laser,
         attitude: observation.attitude,
         island_from_patch: pose,
-        elevation: None,
+        elevation,
         left_out: false,
     })
 }

@@ -5,7 +5,9 @@
 //! the whole map and places every scan in it. Nothing here does IO or reads a clock.
 
 mod active_submap;
+mod climbing;
 mod config;
+mod elevation;
 mod event;
 mod front_end;
 mod localiser;
@@ -17,8 +19,10 @@ mod odometer;
 mod plausibility;
 mod recovery;
 mod refit;
+mod unit_bias;
 
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
+pub use elevation::ElevationSettings;
 pub use event::{Event, Stage, StageObserver, Unobserved};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
 pub use mapper::{Mapper, Preparation, PreparedObservation, ScanPose, Statistics};

@@ -16,6 +16,12 @@ impl Map {
         self.manifold.patch(patch).island_from_patch
     }
 
+    /// True when two patches of an island certainly lie on different levels: nothing may close, fit
+    /// or be looked up between them. Unknown heights tell nothing.
+    pub fn apart_in_height(&self, a: PatchId, b: PatchId) -> bool {
+        self.manifold.apart_in_height(a, b)
+    }
+
     /// Line points of a patch.
     pub fn surface(&self, patch: PatchId) -> &[LinePoint] {
         &self.surfaces[patch.index()]

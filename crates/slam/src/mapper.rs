@@ -1,3 +1,5 @@
+use crate::climbing::Stance;
+use crate::elevation::estimate_elevations;
 use crate::front_end::{FrontEnd, Localisation};
 use crate::loop_closing::{Closure, LoopCloser};
 use crate::map::Map;
@@ -44,6 +46,8 @@ pub struct Statistics {
     pub recoveries: usize,
     /// Scans of which the local submap explained less than half in the end.
     pub poor_fits: usize,
+    /// Scans not matched because the robot had fallen over.
+    pub tipped: usize,
     /// Loop closing.
     pub closures: ClosingStatistics,
     /// Optimisations of all relations.
@@ -125,12 +129,15 @@ impl Mapper {
 
     /// [`Mapper::step`] for an observation prepared elsewhere, on another thread for example.
     pub fn step_prepared(&mut self, prepared: PreparedObservation) -> Vec<Event> {
-        let PreparedObservation { mut observation, surface } = prepared;
+        let PreparedObservation { mut observation, mut surface } = prepared;
         observation.odom_from_base =
             observation.odom_from_base.filter(|odom| self.config.odometry.enabled && is_sane(odom));
+        let stance = self.front_end.level(&mut observation, &mut surface);
         let odom_from_base = observation.odom_from_base;
-        let found = self
-            .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
+        let found = self.timed(Stage::Localisation, |m| match stance {
+            Stance::Upright => m.front_end.process(observation, &surface, &mut m.map),
+            Stance::Tipped => m.front_end.follow(observation, &surface, &mut m.map),
+        });
         self.count(&found);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
         self.scans.push(ScanRecord { pose, odom_from_base, surface: CompactPoints::new(&surface) });
@@ -222,6 +229,7 @@ impl Mapper {
     }
 
     fn optimise(&mut self) {
+        estimate_elevations(&mut self.map);
         let retracted =
             self.timed(Stage::Optimisation, |m| optimise_relations(&mut m.map, &m.config));
         self.statistics.optimisations += 1;
@@ -232,6 +240,7 @@ impl Mapper {
         self.statistics.scans += 1;
         self.statistics.patches += usize::from(found.is_patch);
         self.statistics.recoveries += usize::from(found.recovered);
+        self.statistics.tipped += usize::from(found.tipped);
         self.statistics.poor_fits += usize::from(found.explained < 0.5);
     }
 

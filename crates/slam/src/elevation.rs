@@ -1,0 +1,111 @@
+//! Heights of patches, from what the inertial units tell of the ways between them.
+
+mod measured;
+mod solve;
+
+use crate::map::Map;
+use crate::unit_bias::Mode;
+use manifold::{Climb, Elevation, Manifold, PatchId};
+use measured::{Rise, rises};
+use serde::{Deserialize, Serialize};
+use solve::{along_best_path, least_squares};
+
+/// Heights by inertial unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ElevationSettings {
+    /// Height of the lasers above the ground, metres: where the beams of a leaning robot meet the
+    /// floor. Logs do not tell it; scanners on small robots sit this high.
+    pub laser_height_m: f64,
+    /// Error of a pitch reading beside its bias, radians: rough floor, acceleration, noise.
+    pub pitch_noise_rad: f64,
+    /// Errors of the pitch change over this distance, metres.
+    pub correlation_m: f64,
+}
+
+impl Default for ElevationSettings {
+    fn default() -> Self {
+        ElevationSettings { laser_height_m: 0.3, pitch_noise_rad: 0.01, correlation_m: 1.0 }
+    }
+}
+
+/// A way that rises less than this is level, radians: 1.5 degrees. Floors are built level to within
+/// a degree, ramps steeper than two.
+const LEVEL_RAD: f64 = 0.0262;
+/// How far from level a floor is, radians, and over which distance that changes, metres.
+const FLOOR_RAD: f64 = 0.0035;
+const FLOOR_CORRELATION_M: f64 = 5.0;
+/// Share of a rise that slipping wheels and the pitching at a ramp's ends put in doubt.
+const RISE_SHARE: f64 = 0.05;
+/// How well the bias of a unit is known from its most frequent reading, radians.
+const BIAS_STD_RAD: f64 = 0.005;
+/// Ways shorter than this tell no slope, metres.
+const LEAST_WAY_M: f64 = 0.1;
+/// Changes of a height that need no telling, metres.
+const UNCHANGED_M: f64 = 1e-3;
+
+/// The rise of a climb and its variance, given the unit's bias in pitch: what is nearly level is a
+/// floor.
+pub(crate) fn climbed(climb: &Climb, bias_rad: f64) -> (f64, f64) {
+    let rise_m = climb.rise_m + bias_rad * climb.distance_m;
+    if is_level(rise_m, climb.distance_m) {
+        let way_m = climb.distance_m.abs() + LEAST_WAY_M;
+        return (0.0, FLOOR_RAD * FLOOR_RAD * way_m * FLOOR_CORRELATION_M);
+    }
+    (rise_m, climb.variance_m2 + (RISE_SHARE * rise_m).powi(2))
+}
+
+fn is_level(rise_m: f64, distance_m: f64) -> bool {
+    rise_m.abs() <= LEVEL_RAD * distance_m.abs().max(LEAST_WAY_M)
+}
+
+/// Estimates the heights of all patches of islands in which some robot has an inertial unit, with
+/// the bias of every unit; elsewhere nothing changes.
+pub(crate) fn estimate_elevations(map: &mut Map) {
+    let manifold = &map.manifold;
+    if manifold.ways().iter().all(|way| way.climb.is_none()) {
+        return;
+    }
+    let biases = biases(manifold);
+    let islands = manifold.component_map();
+    let rises = rises(manifold, &islands, &biases);
+    let mut heights = vec![None; manifold.patches().len()];
+    for island in &islands.members {
+        if island.iter().any(|&patch| manifold.patch(patch).attitude.is_some()) {
+            along_best_path(island[0], &rises, &mut heights);
+        }
+    }
+    least_squares(&rises, biases.len(), &mut heights);
+    let changed = changed(manifold, &heights);
+    map.manifold.elevate(changed);
+}
+
+/// What each robot's unit reads on the level: the most frequent pitch of its ways.
+fn biases(manifold: &Manifold) -> Vec<f64> {
+    let robots = manifold.patches().iter().map(|p| usize::from(p.robot.0) + 1).max().unwrap_or(0);
+    let mut modes = vec![Mode::new(); robots];
+    for way in manifold.ways() {
+        let Some(climb) = way.climb else { continue };
+        if climb.distance_m.abs() > LEAST_WAY_M {
+            let pitch = (-climb.rise_m / climb.distance_m).clamp(-1.0, 1.0).asin();
+            let robot = usize::from(manifold.patch(way.from).robot.0);
+            modes[robot].observe(pitch, climb.distance_m.abs());
+        }
+    }
+    modes.iter().map(Mode::estimate).collect()
+}
+
+fn changed(manifold: &Manifold, heights: &[Option<Elevation>]) -> Vec<(PatchId, Elevation)> {
+    let is_new = |old: Option<Elevation>, new: &Elevation| {
+        old.is_none_or(|old| {
+            (old.height_m - new.height_m).abs() > UNCHANGED_M
+                || (old.variance_m2 - new.variance_m2).abs() > UNCHANGED_M * UNCHANGED_M
+        })
+    };
+    let patches = manifold.patches().iter().zip(heights);
+    patches
+        .filter_map(|(patch, height)| Some((patch, (*height)?)))
+        .filter(|(patch, height)| is_new(patch.elevation, height))
+        .map(|(patch, height)| (patch.id, height))
+        .collect()
+}
