@@ -6,7 +6,7 @@ mod solve;
 use crate::map::Map;
 use crate::unit_bias::Mode;
 use manifold::{Climb, Elevation, Manifold, PatchId};
-use measured::{Rise, rises};
+use measured::rises;
 use serde::{Deserialize, Serialize};
 use solve::{along_best_path, least_squares};
 
