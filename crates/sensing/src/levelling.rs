@@ -5,7 +5,7 @@ use geometry::{Matrix2, Pose2, Vector2};
 /// of a threshold and of a few degrees' error at a few metres.
 const FLOOR_M: f64 = 0.1;
 /// What lies higher than this may be ceiling, metres: doors and stairs leave a person's height.
-const CEILING_M: f64 = 2.0;
+const CEILING_M: f64 = 100.0;
 
 /// A scan of a leaning robot as seen on the plan: walls stand upright, so what a beam hit on a wall
 /// lies straight above its place on the plan (docs/math/elevation.md).

@@ -1,4 +1,4 @@
-use crate::elevation::{ElevationSettings, climbed};
+use crate::elevation::{ElevationSettings, climbed, slope};
 use crate::unit_bias::UnitBias;
 use geometry::{Pose2, Vector2};
 use manifold::{Climb, Elevation};
@@ -110,6 +110,11 @@ impl Climbing {
             let std = self.settings.pitch_noise_rad;
             climb.variance_m2 += std * std * motion.norm() * self.settings.correlation_m;
         }
+    }
+
+    /// Slope of the ground under the robot, see `Map::slopes`.
+    pub fn slope(&self) -> Vector2<f64> {
+        self.now.map_or_else(Vector2::zeros, |reading| slope(&reading, &self.bias.estimate()))
     }
 
     /// The climb since the last patch; from now on it is counted from here.

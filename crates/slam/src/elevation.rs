@@ -1,11 +1,15 @@
 //! Heights of patches, from what the inertial units tell of the ways between them.
 
+mod ground;
 mod measured;
 mod solve;
 
 use crate::map::Map;
 use crate::unit_bias::Mode;
+pub(crate) use ground::forget_ground;
+use geometry::Vector2;
 use manifold::{Climb, Elevation, Manifold, PatchId};
+use sensing::Attitude;
 use measured::rises;
 use serde::{Deserialize, Serialize};
 use solve::{along_best_path, least_squares};
@@ -59,6 +63,16 @@ fn is_level(rise_m: f64, distance_m: f64) -> bool {
     rise_m.abs() <= LEVEL_RAD * distance_m.abs().max(LEAST_WAY_M)
 }
 
+/// Rise per metre forwards and to the left of the ground that a robot stands on: zero on a floor.
+pub(crate) fn slope(reading: &Attitude, bias: &Attitude) -> Vector2<f64> {
+    let attitude = reading.without(bias);
+    let steepest = |angle: f64| angle.clamp(-1.0, 1.0).tan();
+    let forwards = -steepest(attitude.pitch_rad);
+    let sideways = steepest(attitude.roll_rad) / attitude.pitch_rad.clamp(-1.0, 1.0).cos();
+    let slope = Vector2::new(forwards, sideways);
+    if slope.norm() <= LEVEL_RAD { Vector2::zeros() } else { slope }
+}
+
 /// Estimates the heights of all patches of islands in which some robot has an inertial unit, with
 /// the bias of every unit; elsewhere nothing changes.
 pub(crate) fn estimate_elevations(map: &mut Map) {
@@ -76,14 +90,24 @@ pub(crate) fn estimate_elevations(map: &mut Map) {
         }
     }
     least_squares(&rises, biases.len(), &mut heights);
+    for (slope, patch) in map.slopes.iter_mut().zip(manifold.patches()) {
+        let bias = &biases[usize::from(patch.robot.0)];
+        *slope = patch.attitude.map_or_else(Vector2::zeros, |reading| self::slope(&reading, bias));
+    }
     let changed = changed(manifold, &heights);
     map.manifold.elevate(changed);
 }
 
-/// What each robot's unit reads on the level: the most frequent pitch of its ways.
-fn biases(manifold: &Manifold) -> Vec<f64> {
+/// What each robot's unit reads on the level: the most frequent pitch of its ways, and the most
+/// frequent roll of its patches.
+fn biases(manifold: &Manifold) -> Vec<Attitude> {
     let robots = manifold.patches().iter().map(|p| usize::from(p.robot.0) + 1).max().unwrap_or(0);
-    let mut modes = vec![Mode::new(); robots];
+    let (mut modes, mut rolls) = (vec![Mode::new(); robots], vec![Mode::new(); robots]);
+    for patch in manifold.patches() {
+        if let Some(reading) = patch.attitude {
+            rolls[usize::from(patch.robot.0)].observe(reading.roll_rad, 1.0);
+        }
+    }
     for way in manifold.ways() {
         let Some(climb) = way.climb else { continue };
         if climb.distance_m.abs() > LEAST_WAY_M {
@@ -92,7 +116,11 @@ fn biases(manifold: &Manifold) -> Vec<f64> {
             modes[robot].observe(pitch, climb.distance_m.abs());
         }
     }
-    modes.iter().map(Mode::estimate).collect()
+    let bias = |(pitch, roll): (&Mode, &Mode)| Attitude {
+        roll_rad: roll.estimate(),
+        pitch_rad: pitch.estimate(),
+    };
+    modes.iter().zip(&rolls).map(bias).collect()
 }
 
 fn changed(manifold: &Manifold, heights: &[Option<Elevation>]) -> Vec<(PatchId, Elevation)> {

@@ -179,6 +179,7 @@ impl FrontEnd {
         self.climbing.new_patch();
         let ground = Elevation { height_m: 0.0, variance_m2: 0.0 };
         let elevation = observation.attitude.map(|_| ground);
+        map.slopes.push(self.climbing.slope());
         let patch = add_patch(observation, scan, Pose2::IDENTITY, elevation, map);
         self.last_patch = Some(patch);
         self.relocate(map, patch);
@@ -245,6 +246,7 @@ impl FrontEnd {
         let (from, anchor_from_from) = self.submap.nearest(&self.anchor_from_base, 1.0);
         let from_from_to = anchor_from_from.between(&self.anchor_from_base);
         let pose = map.pose(from) * from_from_to;
+        map.slopes.push(self.climbing.slope());
         let patch = add_patch(observation, scan, pose, None, map);
         let covariance =
             self.config.relation_covariance(&result.covariance, Some(motion)) + self.doubt;

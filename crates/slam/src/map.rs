@@ -1,4 +1,4 @@
-use geometry::Pose2;
+use geometry::{Pose2, Vector2};
 use manifold::{Manifold, PatchId};
 use matching::LinePoint;
 
@@ -8,7 +8,15 @@ pub(crate) struct Map {
     pub manifold: Manifold,
     /// Line points of every patch, in the patch's frame.
     pub surfaces: Vec<Vec<LinePoint>>,
+    /// Rise per metre forwards and to the left of the ground under every patch; zero where nothing
+    /// tells.
+    pub slopes: Vec<Vector2<f64>>,
 }
+
+/// Lasers whose planes differ by more than this see floors, ramps and ceilings in different places,
+/// radians: less than the flattest ramp, more than the doubt about a bias and the noise of a
+/// reading.
+const SAME_PLANE_RAD: f64 = 0.04;
 
 impl Map {
     /// Present pose of a patch in its island.
@@ -16,10 +24,17 @@ impl Map {
         self.manifold.patch(patch).island_from_patch
     }
 
-    /// True when two patches of an island certainly lie on different levels: nothing may close, fit
-    /// or be looked up between them. Unknown heights tell nothing.
-    pub fn apart_in_height(&self, a: PatchId, b: PatchId) -> bool {
-        self.manifold.apart_in_height(a, b)
+    /// True unless two patches of an island certainly lie on different levels, or their lasers
+    /// leaned differently: nothing else may be closed, fitted or looked up between them. Unknown
+    /// heights and attitudes tell nothing.
+    pub fn comparable(&self, a: PatchId, b: PatchId) -> bool {
+        !self.manifold.apart_in_height(a, b) && self.lean_alike(a, b)
+    }
+
+    /// True when two patches' lasers swept planes of about the same slope.
+    pub fn lean_alike(&self, a: PatchId, b: PatchId) -> bool {
+        let slope = |patch: PatchId| self.pose(patch).rotate(self.slopes[patch.index()]);
+        (slope(a) - slope(b)).norm() <= SAME_PLANE_RAD
     }
 
     /// Line points of a patch.

@@ -1,5 +1,5 @@
 use crate::climbing::Stance;
-use crate::elevation::estimate_elevations;
+use crate::elevation::{estimate_elevations, forget_ground};
 use crate::front_end::{FrontEnd, Localisation};
 use crate::loop_closing::{Closure, LoopCloser};
 use crate::map::Map;
@@ -152,6 +152,7 @@ impl Mapper {
     /// The global pass over everything observed. More observations may follow, and another pass.
     pub fn finish(&mut self) -> Vec<Event> {
         self.optimise();
+        forget_ground(&mut self.map, &self.config.elevation);
         self.look_again();
         self.closer.finish();
         let measured = self.timed(Stage::Refit, |m| match m.config.refit.method {

@@ -48,7 +48,7 @@ impl Score {
             levels: levels.heights_m.len(),
             islands: islands.len(),
             floors_right: share(
-                floors().filter(|m| right(m) && m.ground == GroundKind::Flat).count(),
+                floors().filter(right).count(),
                 floors().count(),
             ),
             all_right: share(levels.members.iter().filter(right).count(), members),

@@ -1,6 +1,7 @@
-use super::{BIAS_STD_RAD, climbed, is_level};
+use super::{BIAS_STD_RAD, climbed, slope};
 use geometry::Vector2;
 use manifold::{Islands, Manifold, Patch, Provenance, Relation};
+use sensing::Attitude;
 use std::collections::BTreeSet;
 
 /// A measured difference in height between two patches: `height[to] - height[from]`.
@@ -26,7 +27,7 @@ const SLOPE_SHARE: f64 = 0.5;
 const UNKNOWN_SLOPE: f64 = 0.15;
 
 /// All that is known of differences in height: the ways with climb, and the relations beside them.
-pub(crate) fn rises(manifold: &Manifold, islands: &Islands, biases: &[f64]) -> Vec<Rise> {
+pub(crate) fn rises(manifold: &Manifold, islands: &Islands, biases: &[Attitude]) -> Vec<Rise> {
     let mut rises = Vec::new();
     let mut driven = BTreeSet::new();
     for way in manifold.ways() {
@@ -35,7 +36,7 @@ pub(crate) fn rises(manifold: &Manifold, islands: &Islands, biases: &[f64]) -> V
             continue;
         }
         let robot = usize::from(manifold.patch(way.from).robot.0);
-        let (rise_m, variance_m2) = climbed(&climb, biases[robot]);
+        let (rise_m, variance_m2) = climbed(&climb, biases[robot].pitch_rad);
         let level = rise_m == 0.0;
         driven.insert((way.from, way.to));
         rises.push(Rise {
@@ -58,10 +59,10 @@ pub(crate) fn rises(manifold: &Manifold, islands: &Islands, biases: &[f64]) -> V
 }
 
 /// What a relation says: its ends lie on the ground that both robots stand on.
-fn related(manifold: &Manifold, relation: &Relation, biases: &[f64]) -> Rise {
+fn related(manifold: &Manifold, relation: &Relation, biases: &[Attitude]) -> Rise {
     let ends = [relation.from, relation.to].map(|id| manifold.patch(id));
     let offset = relation.from_from_to.mean.translation();
-    let slopes = ends.map(|patch| slope(patch, biases));
+    let slopes = ends.map(|patch| slope_of(patch, biases));
     let (rise_m, doubt) = match slopes {
         [Some(from), Some(to)] => {
             let to = relation.from_from_to.mean.rotate(to);
@@ -84,9 +85,7 @@ fn related(manifold: &Manifold, relation: &Relation, biases: &[f64]) -> Rise {
 }
 
 /// Rise per metre forwards and to the left of the ground under a patch; zero on a floor.
-fn slope(patch: &Patch, biases: &[f64]) -> Option<Vector2<f64>> {
-    let attitude = patch.attitude?;
-    let pitch = attitude.pitch_rad - biases[usize::from(patch.robot.0)];
-    let forwards = -pitch.clamp(-1.0, 1.0).tan();
-    Some(if is_level(forwards, 1.0) { Vector2::zeros() } else { Vector2::new(forwards, 0.0) })
+fn slope_of(patch: &Patch, biases: &[Attitude]) -> Option<Vector2<f64>> {
+    let bias = biases[usize::from(patch.robot.0)];
+    patch.attitude.map(|attitude| slope(&attitude, &bias))
 }

@@ -97,7 +97,7 @@ impl Neighbourhood {
             .flat_map(|dv| (-1..=1).map(move |du| (u + du, v + dv)))
             .filter_map(|cell| self.cells.get(&cell))
             .flatten()
-            .filter(|&&other| other != patch && !map.apart_in_height(patch, other))
+            .filter(|&&other| other != patch && map.comparable(patch, other))
             .map(|&other| (other, own.between(&map.pose(other))))
             .filter(|(_, pose)| pose.norm() <= self.radius_m)
             .map(|(other, pose)| (pose.norm() + pose.yaw.abs(), other, pose))

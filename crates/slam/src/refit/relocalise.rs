@@ -73,7 +73,7 @@ fn group_patches(map: &Map, radius_m: f64) -> Vec<Vec<PatchId>> {
             .filter(|p| {
                 !grouped[p.id.index()]
                     && p.island_from_patch.distance(&centre.island_from_patch) <= radius_m
-                    && !map.apart_in_height(centre.id, p.id)
+                    && map.comparable(centre.id, p.id)
             })
             .map(|p| p.id)
             .collect();
@@ -100,7 +100,7 @@ fn match_group(
         .manifold
         .patches()
         .iter()
-        .filter(|p| !map.apart_in_height(centre, p.id))
+        .filter(|p| map.comparable(centre, p.id))
         .map(|p| (p.id, origin.between(&p.island_from_patch)))
         .filter(|(_, pose)| pose.norm() <= reach)
         .collect();
