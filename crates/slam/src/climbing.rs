@@ -1,9 +1,10 @@
-use crate::elevation::{ElevationSettings, climbed, slope};
+use crate::elevation::{ElevationSettings, climbed, raw_slope, slope};
 use crate::unit_bias::UnitBias;
 use geometry::{Pose2, Vector2};
 use manifold::{Climb, Elevation};
 use matching::LinePoint;
 use sensing::{Attitude, Levelling, Observation};
+use std::borrow::Cow;
 
 /// A base that leans farther than this has fallen over or hangs somewhere, radians: 40 degrees. The
 /// steepest stairs are built below it.
@@ -14,6 +15,11 @@ const LEVEL_RAD: f64 = 0.035;
 /// A standing robot's reading counts as if it had driven this far with it, metres: something is
 /// known before it moves, and soon outweighed.
 const STANDING_WEIGHT_M: f64 = 1e-3;
+/// A base that leans by so much more or less than where it was before tips over an edge, radians:
+/// one degree, twice the noise of two readings.
+const TIPPING_RAD: f64 = 0.0175;
+/// Surfaces within 45 degrees of the way a base tips face it.
+const FACING_COS: f32 = 0.7;
 
 /// What the inertial unit tells of one robot's way: scans are levelled by it, and heights gained
 /// are summed up between patches.
@@ -115,6 +121,24 @@ impl Climbing {
     /// Slope of the ground under the robot, see `Map::slopes`.
     pub fn slope(&self) -> Vector2<f64> {
         self.now.map_or_else(Vector2::zeros, |reading| slope(&reading, &self.bias.estimate()))
+    }
+
+    /// The points of the present scan that a place of slope `before` (in the scan's frame) can be
+    /// compared with. While the base tips over the foot or the top of a ramp, the ground ahead
+    /// seems to recede or to come nearer: what faces the way it tips says nothing then.
+    pub fn comparable<'a>(
+        &self,
+        surface: &'a [LinePoint],
+        before: &Vector2<f64>,
+    ) -> Cow<'a, [LinePoint]> {
+        let Some(now) = self.now else { return Cow::Borrowed(surface) };
+        let tipped = raw_slope(&now, &self.bias.estimate()) - before;
+        if tipped.norm() < TIPPING_RAD {
+            return Cow::Borrowed(surface);
+        }
+        let towards = tipped.normalize().cast::<f32>();
+        let faces = |p: &LinePoint| (p.nx * towards.x + p.ny * towards.y).abs() > FACING_COS;
+        Cow::Owned(surface.iter().filter(|p| !faces(p)).copied().collect())
     }
 
     /// The climb since the last patch; from now on it is counted from here.

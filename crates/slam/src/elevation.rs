@@ -65,12 +65,17 @@ fn is_level(rise_m: f64, distance_m: f64) -> bool {
 
 /// Rise per metre forwards and to the left of the ground that a robot stands on: zero on a floor.
 pub(crate) fn slope(reading: &Attitude, bias: &Attitude) -> Vector2<f64> {
+    let slope = raw_slope(reading, bias);
+    if slope.norm() <= LEVEL_RAD { Vector2::zeros() } else { slope }
+}
+
+/// [`slope`] as it is read.
+pub(crate) fn raw_slope(reading: &Attitude, bias: &Attitude) -> Vector2<f64> {
     let attitude = reading.without(bias);
     let steepest = |angle: f64| angle.clamp(-1.0, 1.0).tan();
     let forwards = -steepest(attitude.pitch_rad);
     let sideways = steepest(attitude.roll_rad) / attitude.pitch_rad.clamp(-1.0, 1.0).cos();
-    let slope = Vector2::new(forwards, sideways);
-    if slope.norm() <= LEVEL_RAD { Vector2::zeros() } else { slope }
+    Vector2::new(forwards, sideways)
 }
 
 /// Estimates the heights of all patches of islands in which some robot has an inertial unit, with

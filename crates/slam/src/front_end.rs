@@ -4,7 +4,7 @@ use crate::climbing::{Climbing, Stance};
 use crate::localiser::{Expectation, Localised, Localiser, SightedScan};
 use crate::map::Map;
 use crate::odometer::{Motion, Odometer};
-use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
+use geometry::{GaussianPose2, Matrix3, Pose2, Vector2, Vector3};
 use manifold::{Elevation, INTERVAL_95, Patch, PatchId, Provenance, Way};
 use matching::{LinePoint, MatchResult};
 use sensing::Observation;
@@ -118,10 +118,11 @@ impl FrontEnd {
         map: &mut Map,
     ) -> Localisation {
         let expected = self.expect(&motion);
+        let surface = self.climbing.comparable(scan, &self.slope_expected(&expected, map));
         let sighted = SightedScan {
             scan: &observation.scan,
             base_from_laser: observation.base_from_laser,
-            surface: scan,
+            surface: &surface,
         };
         let Localised { best: result, first_was_poor: poor, confirmed } =
             self.localiser.find(&sighted, &expected, &self.submap, map);
@@ -144,6 +145,14 @@ impl FrontEnd {
         };
         let explained = result.inlier_ratio;
         Localisation { patch, patch_from_base, is_patch, recovered: poor, explained, tipped: false }
+    }
+
+    /// Slope of the ground at the nearest patch, in the frame that the scan is expected to have.
+    fn slope_expected(&self, expected: &Expectation, map: &Map) -> Vector2<f64> {
+        let pose = &expected.poses[0].mean;
+        let (patch, anchor_from_patch) = self.submap.nearest(pose, 1.0);
+        let base_from_patch = pose.between(&anchor_from_patch);
+        base_from_patch.rotate(map.slopes[patch.index()])
     }
 
     /// Where the scan may have been taken, in the submap's frame.
