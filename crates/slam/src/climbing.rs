@@ -17,7 +17,7 @@ const LEVEL_RAD: f64 = 0.035;
 const STANDING_WEIGHT_M: f64 = 1e-3;
 /// A base that leans by so much more or less than where it was before tips over an edge, radians:
 /// one degree, twice the noise of two readings.
-const TIPPING_RAD: f64 = 0.0175;
+const TIPPING_RAD: f64 = 0.011;
 /// Surfaces within 45 degrees of the way a base tips face it.
 const FACING_COS: f32 = 0.7;
 

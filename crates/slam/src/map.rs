@@ -31,6 +31,11 @@ impl Map {
         !self.manifold.apart_in_height(a, b) && self.lean_alike(a, b)
     }
 
+    /// True for a patch that stands on a floor, as far as is known.
+    pub fn is_level(&self, patch: PatchId) -> bool {
+        self.slopes[patch.index()] == Vector2::zeros()
+    }
+
     /// True when two patches' lasers swept planes of about the same slope.
     pub fn lean_alike(&self, a: PatchId, b: PatchId) -> bool {
         let slope = |patch: PatchId| self.pose(patch).rotate(self.slopes[patch.index()]);

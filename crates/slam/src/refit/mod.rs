@@ -123,9 +123,9 @@ pub(crate) fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
         measured += overlaps.len();
         let mut graph = graph_of(map);
         for relation in map.manifold.active_relations() {
-            // Where no overlaps are measured, the relation is all there is.
-            let alike = map.lean_alike(relation.from, relation.to);
-            let share = if alike { RELATION_SHARE } else { 1.0 };
+            // Beside a ramp's walls overlaps tell little, and at its ends nothing.
+            let level = map.is_level(relation.from) && map.is_level(relation.to);
+            let share = if level { RELATION_SHARE } else { 1.0 };
             let _ = graph.add_edge(relation_edge(relation, share));
         }
         for way in map.manifold.ways() {
