@@ -42,7 +42,7 @@ def growth(options, folder):
         for share, piece in pieces(options.logs / f"{name}.clf.bz2", folder):
             runs = [run(options.binary, piece, folder / "map", options.threads) for _ in range(options.repeats)]
             best = min(runs, key=lambda m: m["times_secs"]["total"])
-            times, scans = best["times_secs"], best["log"]["scans"]
+            times, scans = best["times_secs"], best["logs"][0]["scans"]
             stages = " | ".join(f"{1e3 * times.get(stage, 0):.0f}" for stage in STAGES)
             print(f"| {name} x {share:g} | {scans} | {best['map']['counts']['patches']} | "
                   f"{best['times_real_time']:.0f} | {stages} | {1e6 * times['total'] / scans:.0f} |", flush=True)

@@ -1,4 +1,6 @@
 use crate::benchmark::args::BenchCommand;
+use crate::commands::cut::CutArgs;
+use crate::commands::eval::RelationsArgs;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -10,6 +12,7 @@ use std::path::PathBuf;
     after_help = "Examples:\n  \
         manifoldslam demo\n  \
         manifoldslam map intel.clf.bz2 -o out/intel\n  \
+        manifoldslam map robot1.clf robot2.clf robot3.clf -o out/team\n  \
         manifoldslam render out/intel --resolution 0.01 --crop=-5,-5,15,10 -o corner.png\n  \
         manifoldslam eval relations --relations intel.relations --traj out/intel/intel.tum\n  \
         manifoldslam bench matchers -o out/matchers\n\n\
@@ -50,6 +53,8 @@ pub enum Command {
     /// Score a trajectory against the truth
     #[command(subcommand)]
     Eval(EvalCommand),
+    /// Cut a log into the logs of several robots that know nothing of each other
+    Cut(CutArgs),
     /// Show the configuration
     #[command(subcommand)]
     Config(ConfigCommand),
@@ -90,12 +95,15 @@ pub enum Switch {
 #[derive(Debug, ClapArgs)]
 #[command(
     after_help = "The folder holds map.png, map.pgm and map.yaml (ROS map_server), LOG.tum (the base pose \
-    of every scan), graph.g2o, patches.csv, config.toml, metrics.json and report.html. Several logs are mapped \
-    one by one, each into its own folder below DIR.\n\n\
+    of every scan), graph.g2o, patches.csv, config.toml, metrics.json and report.html. Several logs are taken for \
+    robots of one team that know nothing of each other's start: what the evidence says belongs together becomes \
+    one map, the rest islands (map.png the largest, map-2.png the next). A robot is called what its log is \
+    called; the order of the logs does not matter.\n\n\
     Examples:\n  \
     manifoldslam map intel.clf.bz2 -o out/intel\n  \
     manifoldslam map --odometry off aces.clf.bz2 -o out/aces\n  \
-    manifoldslam map --json day1.clf day2.clf.gz -o out > metrics.json"
+    manifoldslam map robot1.clf robot2.clf robot3.clf -o out/team\n  \
+    manifoldslam map --separately --json day1.clf day2.clf.gz -o out > metrics.json"
 )]
 pub struct MapArgs {
     /// CARMEN logs: plain, gzip or bzip2
@@ -104,6 +112,9 @@ pub struct MapArgs {
     /// Result folder; replaced if it is an older result
     #[arg(long, short, value_name = "DIR")]
     pub output: PathBuf,
+    /// Map every log by itself, each into its own folder below DIR
+    #[arg(long)]
+    pub separately: bool,
     /// Where the configuration comes from.
     #[command(flatten)]
     pub config: ConfigArgs,
@@ -178,15 +189,19 @@ pub enum MethodName {
     map_server), .svg (outlines).\n\n\
     Examples:\n  \
     manifoldslam render out/intel --resolution 0.01 --crop=-5,-5,15,10 -o corner.png\n  \
+    manifoldslam render out/team --island 2 -o second.png\n  \
     manifoldslam render out/intel/intel.tum --log intel.clf.bz2 -o plan.svg"
 )]
 pub struct RenderArgs {
     /// A result folder, or a trajectory with one pose for every scan of --log
     #[arg(value_name = "RESULT|TUM")]
     pub source: PathBuf,
-    /// The log [default: the one the result folder names]
+    /// The log [default: the one the result folder names]; once per robot where logs have moved
     #[arg(long, value_name = "LOG")]
-    pub log: Option<PathBuf>,
+    pub log: Vec<PathBuf>,
+    /// Which of the result folder's maps to draw, largest first
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub island: u32,
     /// Image to write
     #[arg(long, short, value_name = "OUT")]
     pub output: PathBuf,
@@ -223,21 +238,6 @@ pub enum EvalCommand {
     Relations(RelationsArgs),
     /// Absolute trajectory error after the best rigid alignment in the plane
     Ate(AteArgs),
-}
-
-/// Arguments of `eval relations`.
-#[derive(Debug, ClapArgs)]
-#[command(
-    after_help = "Exit code 1 when fewer than 95 % of the relations have both their stamps in the trajectory.\n\n\
-    Example:\n  manifoldslam eval relations --relations intel.relations --traj out/intel/intel.tum"
-)]
-pub struct RelationsArgs {
-    /// Lines `t1 t2 x y z roll pitch yaw`: the pose at t2 seen from t1
-    #[arg(long, value_name = "FILE")]
-    pub relations: PathBuf,
-    /// Trajectory: TUM, or `t x y yaw`
-    #[arg(long, value_name = "FILE")]
-    pub traj: PathBuf,
 }
 
 /// Arguments of `eval ate`.

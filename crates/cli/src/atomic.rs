@@ -1,5 +1,6 @@
 use anyhow::{Context, Result, bail};
-use std::fs;
+use std::fs::{self, File};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 /// A path beside `target` that no other process uses, hidden.
@@ -30,6 +31,19 @@ impl PendingFile {
         fs::write(&temporary, b"")
             .with_context(|| format!("{}: cannot write", target.display()))?;
         Ok(PendingFile { target: target.to_owned(), temporary })
+    }
+
+    /// Opens the file for writing piece by piece; [`PendingFile::publish`] gives it its name.
+    pub fn writer(&self) -> Result<BufWriter<File>> {
+        let file = File::create(&self.temporary)
+            .with_context(|| format!("{}: cannot write", self.target.display()))?;
+        Ok(BufWriter::new(file))
+    }
+
+    /// Gives the file its name as it is; its writer must have been flushed.
+    pub fn publish(self) -> Result<()> {
+        fs::rename(&self.temporary, &self.target)
+            .with_context(|| format!("{}: cannot write", self.target.display()))
     }
 
     /// Writes the whole content and gives the file its name.

@@ -1,8 +1,9 @@
 //! One module per command.
 
 mod bench;
+pub mod cut;
 mod demo;
-mod eval;
+pub mod eval;
 pub mod map;
 mod optimize;
 mod render;
@@ -24,6 +25,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     }
     match &args.command {
         Command::Map(args) => map::run(args, global),
+        Command::Cut(args) => cut::run(args, global),
         Command::Optimize(args) => optimize::run(args, global),
         Command::Render(args) => render::run(args, global),
         Command::Eval(EvalCommand::Relations(args)) => eval::relations(args, global),

@@ -1,15 +1,18 @@
 use crate::args::Crop;
 use crate::config::MapConfig;
+use crate::islands::IslandList;
 use anyhow::{Context, Result};
 use geometry::Vector2;
-use manifold::{Manifold, Provenance};
-use rendering::{ClosureMark, GridFrame, HitMissCounts, OccupancyGrid, RenderError, ScanView};
+use manifold::{Manifold, PatchId, Provenance, Relation, RelationState};
+use rendering::{
+    ClosureMark, GridFrame, HitMissCounts, MarkKind, OccupancyGrid, RenderError, ScanView,
+};
 
-/// What the patches saw, from where.
-pub fn patch_views(manifold: &Manifold) -> Vec<ScanView<'_>> {
-    manifold
-        .patches()
+/// What patches saw, from where.
+pub fn patch_views<'a>(manifold: &'a Manifold, patches: &[PatchId]) -> Vec<ScanView<'a>> {
+    patches
         .iter()
+        .map(|id| manifold.patch(*id))
         .map(|patch| ScanView {
             map_from_laser: patch.island_from_patch * patch.base_from_laser,
             scan: &patch.scan,
@@ -17,19 +20,27 @@ pub fn patch_views(manifold: &Manifold) -> Vec<ScanView<'_>> {
         .collect()
 }
 
-/// The loop closures as lines between their patches.
-pub fn closure_marks(manifold: &Manifold) -> Vec<ClosureMark> {
+/// What joins the patches of one island beside the robots' ways, as lines. A relation between two
+/// islands has no place on either map.
+pub fn closure_marks(manifold: &Manifold, islands: &IslandList, island: usize) -> Vec<ClosureMark> {
     let place = |id| manifold.patch(id).island_from_patch.translation();
-    manifold
-        .relations()
-        .iter()
-        .filter(|relation| relation.provenance != Provenance::Sequential)
-        .map(|relation| ClosureMark {
-            from: place(relation.from),
-            to: place(relation.to),
-            accepted: relation.is_active(),
-        })
+    let inside = |r: &&Relation| [r.from, r.to].iter().all(|end| islands.index(*end) == island);
+    let drawn = manifold.relations().iter().filter(|r| r.provenance != Provenance::Sequential);
+    drawn
+        .filter(inside)
+        .map(|r| ClosureMark { from: place(r.from), to: place(r.to), kind: mark_kind(r) })
         .collect()
+}
+
+fn mark_kind(relation: &Relation) -> MarkKind {
+    match (relation.state, relation.provenance) {
+        (RelationState::Retracted(_), _) => MarkKind::Rejected,
+        (RelationState::Provisional, _) => MarkKind::Provisional,
+        (_, Provenance::Landmark) => MarkKind::Landmark,
+        (_, Provenance::Merge) => MarkKind::Merge,
+        (_, Provenance::Rendezvous) => MarkKind::Rendezvous,
+        (_, Provenance::Sequential | Provenance::LoopClosure) => MarkKind::Closure,
+    }
 }
 
 /// Casts scans into a grid and decides what is wall.

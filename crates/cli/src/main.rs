@@ -8,12 +8,17 @@ mod atomic;
 mod benchmark;
 mod commands;
 mod config;
+mod crossing;
 mod drawing;
+mod islands;
 mod mapping;
 mod metrics;
 mod reading;
+mod report;
+mod result;
 mod result_folder;
 mod scoring;
+mod team;
 mod terminal;
 
 use clap::Parser;

@@ -1,30 +1,31 @@
-use crate::args::Global;
 use crate::config::{Config, ScanConfig};
-use crate::reading::Reading;
-use crate::terminal::progress;
+use crate::team::LogSource;
 use anyhow::{Result, bail};
 use geometry::{Matrix3, Pose2};
-use logs::{LogRecord, ReadReport};
-use manifold::{Manifold, Provenance};
+use indicatif::ProgressBar;
+use logs::{LogRecord, ReadOptions, ReadReport};
+use manifold::{Change, Manifold, Provenance};
 use optimizer::{Edge, EdgeKind, PoseGraph};
 use sensing::{Observation, Stamp, Velocimeter};
-use slam::{Mapper, Preparation, PreparedObservation, Stage, StageObserver};
-use std::collections::BTreeMap;
+use slam::{Event, Mapper, Preparation, PreparedObservation, Stage, StageObserver};
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::AddAssign;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Scans between two looks at the progress bar.
 const PROGRESS_EVERY: usize = 128;
 
-/// A log turned into a map.
-pub struct MappedLog {
-    /// The pipeline with its map.
-    pub mapper: Mapper,
+/// A log that was mapped by itself.
+pub struct MappedRobot {
+    /// The robot's name: the log's, without folders and endings.
+    pub name: String,
+    /// The log.
+    pub log: PathBuf,
     /// Stamp of every scan, verbatim and in the log's order.
     pub stamps: Vec<String>,
-    /// Base pose of every scan in the map frame.
-    pub poses: Vec<Pose2>,
-    /// Index of the scan that each patch was made of.
+    /// Index of the scan that each of the robot's patches was made of.
     pub patch_scans: Vec<usize>,
     /// What the reader made of the log.
     pub report: ReadReport,
@@ -32,6 +33,14 @@ pub struct MappedLog {
     pub duration_secs: f64,
     /// Where the time went.
     pub times: MappingTimes,
+}
+
+/// What a robot knows when its log is at its end, before it meets the others.
+pub struct OwnMap {
+    /// Its pipeline.
+    pub mapper: Mapper,
+    /// How its map came to be, but for what the mapper has not told yet.
+    pub changes: Vec<Change>,
 }
 
 /// Wall-clock time spent.
@@ -45,11 +54,28 @@ pub struct MappingTimes {
     pub stages: BTreeMap<Stage, Duration>,
 }
 
+impl AddAssign<&MappingTimes> for MappingTimes {
+    fn add_assign(&mut self, other: &MappingTimes) {
+        self.reading += other.reading;
+        self.waiting += other.waiting;
+        for (stage, time) in &other.stages {
+            *self.stages.entry(*stage).or_default() += *time;
+        }
+    }
+}
+
 /// Measures the stages of a pipeline, which reads no clock itself.
 #[derive(Clone, Debug, Default)]
-struct StageClock {
+pub struct StageClock {
     times: Arc<Mutex<BTreeMap<Stage, Duration>>>,
     began: Option<Instant>,
+}
+
+impl StageClock {
+    /// Times so far.
+    pub fn times(&self) -> BTreeMap<Stage, Duration> {
+        self.times.lock().map(|times| times.clone()).unwrap_or_default()
+    }
 }
 
 impl StageObserver for StageClock {
@@ -95,60 +121,94 @@ pub fn preparing(config: &Config) -> impl FnMut(LogRecord, bool) -> IncomingScan
     }
 }
 
-/// Maps a log of `size` bytes (0 where unknown) while it is being read.
-pub fn map_log(
-    reading: Reading<IncomingScan>,
-    size: u64,
+/// How logs are read under a configuration.
+pub fn read_options(config: &Config) -> ReadOptions {
+    ReadOptions {
+        limits: config.laser,
+        use_odometry: config.slam.odometry.enabled,
+        ..ReadOptions::default()
+    }
+}
+
+/// Maps one log by itself while it is being read, up to the closing of its own loops. `bar` counts
+/// the bytes of all logs.
+pub fn map_robot(
+    source: LogSource,
     config: &Config,
-    global: &Global,
-) -> Result<MappedLog> {
-    let bar = progress(global, size, "mapping {wide_bar} {percent:>3} % {msg} {eta}");
+    bar: &ProgressBar,
+) -> Result<(MappedRobot, OwnMap)> {
+    let (name, log) = (source.name.clone(), source.path.clone());
+    let reading = source.read(config)?;
     let clock = StageClock::default();
-    let mut mapper = Mapper::observed(config.slam, Box::new(clock.clone()));
+    let mut own = OwnMap {
+        mapper: Mapper::observed(config.slam, Box::new(clock.clone())),
+        changes: Vec::new(),
+    };
     let (mut stamps, mut patch_scans) = (Vec::new(), Vec::new());
     let (mut first, mut last) = (i64::MAX, i64::MIN);
-    let (mut waiting, mut records) = (Duration::ZERO, reading.records());
+    let (mut waiting, mut records, mut told) = (Duration::ZERO, reading.records(), 0);
     loop {
         let asked = Instant::now();
         let Some(record) = records.next() else { break };
         waiting += asked.elapsed();
-        let patches = mapper.manifold().patches().len();
-        let (stamp, stamp_text) = match record {
-            IncomingScan::Read(record) => {
-                let stamp = record.observation.stamp;
-                mapper.step(record.observation);
-                (stamp, record.stamp_text)
-            }
-            IncomingScan::Prepared(stamp, stamp_text, prepared) => {
-                mapper.step_prepared(prepared);
-                (stamp, stamp_text)
-            }
-        };
+        let (stamp, stamp_text) = own.step(record);
         first = first.min(stamp.0);
         last = last.max(stamp.0);
-        patch_scans.resize(mapper.manifold().patches().len(), patch_scans.len());
-        for scan in &mut patch_scans[patches..] {
-            *scan = stamps.len();
-        }
+        patch_scans.resize(own.mapper.manifold().patches().len(), stamps.len());
         stamps.push(stamp_text);
         if stamps.len() % PROGRESS_EVERY == 0 {
-            bar.set_position(reading.position());
-            bar.set_message(format!("{} scans", stamps.len()));
+            bar.inc(reading.position().saturating_sub(told));
+            told = reading.position().max(told);
         }
     }
     drop(records);
+    bar.inc(reading.position().saturating_sub(told));
     let (report, reading) = reading.finish()?;
-    bar.set_message("global pass");
     if stamps.is_empty() {
         bail!("no scan could be read{}", first_problems(&report));
     }
-    mapper.finish();
-    let stages = clock.times.lock().map(|times| times.clone()).unwrap_or_default();
-    let times = MappingTimes { reading, waiting, stages };
-    bar.finish_and_clear();
-    let poses = mapper.trajectory();
+    own.mapper.conclude();
+    let times = MappingTimes { reading, waiting, stages: clock.times() };
     let duration_secs = (last - first) as f64 * 1e-9;
-    Ok(MappedLog { mapper, stamps, poses, patch_scans, report, duration_secs, times })
+    Ok((MappedRobot { name, log, stamps, patch_scans, report, duration_secs, times }, own))
+}
+
+impl OwnMap {
+    /// Takes a scan; returns its stamp and the stamp's text.
+    fn step(&mut self, record: IncomingScan) -> (Stamp, String) {
+        let (stamp, text, events) = match record {
+            IncomingScan::Read(record) => {
+                let stamp = record.observation.stamp;
+                (stamp, record.stamp_text, self.mapper.step(record.observation))
+            }
+            IncomingScan::Prepared(stamp, text, prepared) => {
+                (stamp, text, self.mapper.step_prepared(prepared))
+            }
+        };
+        for event in events {
+            if let Event::Map(change) = event {
+                self.note(change);
+            }
+        }
+        (stamp, text)
+    }
+
+    /// Keeps a change. Poses that all of a later re-estimate replaces need not be kept.
+    fn note(&mut self, change: Change) {
+        if let Change::PosesReestimated(new) = &change {
+            let mut before = self.changes.iter_mut().rev().filter_map(|change| match change {
+                Change::PosesReestimated(old) if !old.is_empty() => Some(old),
+                _ => None,
+            });
+            if let Some(old) = before.next() {
+                let new: BTreeSet<_> = new.iter().map(|(patch, _)| patch).collect();
+                if old.iter().all(|(patch, _)| new.contains(patch)) {
+                    *old = Vec::new();
+                }
+            }
+        }
+        self.changes.push(change);
+    }
 }
 
 /// The first things that were wrong with a log, for a message.
@@ -169,7 +229,8 @@ pub fn first_problems(report: &ReadReport) -> String {
     text
 }
 
-/// The map as a pose graph: patches and the relations that hold.
+/// The map as a pose graph: patches and the relations that hold. Each island's first
+/// patch is fixed.
 pub fn pose_graph(manifold: &Manifold) -> Result<PoseGraph<Pose2, 3>> {
     let mut graph = PoseGraph::new();
     for patch in manifold.patches() {
@@ -186,8 +247,8 @@ pub fn pose_graph(manifold: &Manifold) -> Result<PoseGraph<Pose2, 3>> {
         let (from, to) = (u64::from(relation.from.0), u64::from(relation.to.0));
         graph.add_edge(Edge::new(from, to, relation.from_from_to.mean, information, kind))?;
     }
-    if let Some(patch) = manifold.patches().first() {
-        graph.set_fixed(u64::from(patch.id.0), true)?;
+    for island in manifold.islands() {
+        graph.set_fixed(u64::from(island[0].0), true)?;
     }
     Ok(graph)
 }

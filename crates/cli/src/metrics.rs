@@ -1,8 +1,12 @@
-use crate::mapping::{MappedLog, path_length};
+use crate::islands::title;
+use crate::mapping::{MappedRobot, path_length};
+use crate::team::MappedTeam;
 use crate::terminal::{counted, grouped};
+use rendering::GridFrame;
+use sensing::RobotId;
 use serde::Serialize;
-use slam::Statistics;
-use std::collections::BTreeMap;
+use slam::{Merge, MergeState, Statistics};
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 /// What is told of a run, in `metrics.json` and in the report.
@@ -10,10 +14,16 @@ use std::time::Duration;
 pub struct Metrics {
     /// Version of the program.
     pub version: &'static str,
-    /// The log.
-    pub log: LogMetrics,
-    /// The map.
+    /// The logs, by the robots' names.
+    pub logs: Vec<LogMetrics>,
+    /// Logs that could not be mapped, with reasons.
+    pub failures: Vec<String>,
+    /// All maps together.
     pub map: MapMetrics,
+    /// The connected maps, largest first.
+    pub islands: Vec<IslandMetrics>,
+    /// Islands that were joined, and those that may be but are not.
+    pub merges: Vec<Merge>,
     /// Wall-clock seconds by stage; `reading` runs beside the others, `waiting` is for the reader.
     pub times_secs: BTreeMap<String, f64>,
     /// Log seconds mapped in one second.
@@ -27,6 +37,8 @@ pub struct Metrics {
 /// What was read.
 #[derive(Debug, Serialize)]
 pub struct LogMetrics {
+    /// The robot's name: the log's, without folders and endings.
+    pub robot: String,
     /// Where it was.
     pub file: String,
     /// From the least to the greatest stamp.
@@ -35,6 +47,12 @@ pub struct LogMetrics {
     pub lines: u64,
     /// Scans mapped.
     pub scans: u64,
+    /// Scans that became patches.
+    pub patches: usize,
+    /// Length of the path, metres.
+    pub path_m: f64,
+    /// Numbers of the islands the robot's patches are on, from 1.
+    pub islands: Vec<usize>,
     /// Scans told twice.
     pub duplicate_scans: u64,
     /// Stamps that jump back.
@@ -51,6 +69,21 @@ pub struct LogMetrics {
     pub failure: Option<String>,
 }
 
+/// A connected map.
+#[derive(Debug, Serialize)]
+pub struct IslandMetrics {
+    /// Patches on it.
+    pub patches: usize,
+    /// Robots with a patch on it, by name.
+    pub robots: Vec<String>,
+    /// Length of all paths on it, metres.
+    pub path_m: f64,
+    /// Side of a cell of the drawn map, metres.
+    pub resolution_m: f64,
+    /// Cells of the drawn map, along x and y.
+    pub cells: [usize; 2],
+}
+
 /// What was made of it.
 #[derive(Debug, Serialize)]
 pub struct MapMetrics {
@@ -61,20 +94,15 @@ pub struct MapMetrics {
     pub islands: usize,
     /// Relations that hold, by provenance.
     pub relations: BTreeMap<String, usize>,
-    /// Length of the path, metres.
+    /// Length of all paths, metres.
     pub path_m: f64,
-    /// Side of a cell of the drawn map, metres.
-    pub resolution_m: f64,
-    /// Cells of the drawn map, along x and y.
-    pub cells: [usize; 2],
 }
 
 impl Metrics {
-    /// Gathers a run's figures.
+    /// Gathers a run's figures; `frames` are those of the islands' drawn maps.
     pub fn new(
-        file: &str,
-        mapped: &MappedLog,
-        frame: &rendering::GridFrame,
+        mapped: &MappedTeam,
+        frames: &[GridFrame],
         rendering: Duration,
         total: Duration,
     ) -> Self {
@@ -89,12 +117,18 @@ impl Metrics {
         }
         tell("rendering".into(), rendering);
         tell("total".into(), total);
+        let logs = mapped.robots().map(|(id, robot)| LogMetrics::new(id, robot, mapped));
+        let logs: Vec<LogMetrics> = logs.collect();
+        let duration_secs: f64 = logs.iter().map(|log| log.duration_secs).sum();
         Metrics {
             version: env!("CARGO_PKG_VERSION"),
-            log: LogMetrics::new(file, mapped),
-            map: MapMetrics::new(mapped, frame),
+            map: MapMetrics::new(mapped, &logs),
+            logs,
+            failures: mapped.failures.clone(),
+            islands: IslandMetrics::of(mapped, frames),
+            merges: mapped.team.merges().to_vec(),
             times_secs: times,
-            times_real_time: mapped.duration_secs / total.as_secs_f64().max(1e-9),
+            times_real_time: duration_secs / total.as_secs_f64().max(1e-9),
             threads: rayon::current_num_threads(),
             peak_memory_mib: peak_memory_mib(),
         }
@@ -102,40 +136,66 @@ impl Metrics {
 
     /// A few lines for people.
     pub fn to_text(&self) -> String {
-        let (log, map) = (&self.log, &self.map);
-        let mut text = format!(
-            "{}: {}, {:.0} m, {:.0} s of log\n  {} patches, {} of {} accepted\n  {:.2} s ({}x real time)",
-            log.file,
-            counted(log.scans, "scan"),
-            map.path_m,
-            log.duration_secs,
-            grouped(map.counts.patches as u64),
-            grouped(map.counts.closures.accepted as u64),
-            counted(map.counts.closures.tried as u64, "closure"),
+        let mut text = String::new();
+        for log in &self.logs {
+            text.push_str(&log.to_text());
+        }
+        if self.logs.len() > 1 {
+            for (k, island) in self.islands.iter().enumerate() {
+                text.push_str(&format!("  island {}: {}\n", k + 1, island.to_text()));
+            }
+            for merge in &self.merges {
+                text.push_str(&format!("  {}\n", merge_text(merge)));
+            }
+        }
+        let counts = &self.map.counts;
+        text.push_str(&format!(
+            "  {} patches, {} of {} accepted\n  {:.2} s ({}x real time)",
+            grouped(counts.patches as u64),
+            grouped(counts.closures.accepted as u64),
+            counted(counts.closures.tried as u64, "closure"),
             self.times_secs.get("total").copied().unwrap_or_default(),
             grouped(self.times_real_time.round() as u64),
-        );
+        ));
         if let Some(peak) = self.peak_memory_mib {
             text.push_str(&format!(", {peak:.0} MiB"));
-        }
-        if log.dropped_lines > 0 || log.failure.is_some() {
-            text.push_str(&format!("\n  LOST: {}", counted(log.dropped_lines, "dropped line")));
-            for problem in log.dropped.iter().take(5).chain(&log.failure) {
-                text.push_str(&format!("\n    {problem}"));
-            }
         }
         text
     }
 }
 
+/// A merge in a line.
+fn merge_text(merge: &Merge) -> String {
+    let [one, other] = merge.robots.each_ref().map(|robots| title(robots));
+    let evidence = &merge.evidence;
+    let state = match merge.state {
+        MergeState::Merged => "merged",
+        MergeState::Provisional => "not merged, evidence too weak",
+    };
+    format!(
+        "{one} | {other}: {state}; {} agreeing, {} contradicting, estimated chance of being wrong {:.1e}",
+        counted(evidence.agreeing as u64, "place"),
+        evidence.contradicting,
+        merge.false_bound,
+    )
+}
+
 impl LogMetrics {
-    fn new(file: &str, mapped: &MappedLog) -> Self {
-        let report = &mapped.report;
+    fn new(id: RobotId, robot: &MappedRobot, mapped: &MappedTeam) -> Self {
+        let report = &robot.report;
+        let manifold = mapped.team.manifold();
+        let own = manifold.patches().iter().filter(|patch| patch.robot == id);
+        let islands: BTreeSet<usize> = own.map(|p| mapped.islands.index(p.id) + 1).collect();
+        let file = std::path::absolute(&robot.log).unwrap_or_else(|_| robot.log.clone());
         LogMetrics {
-            file: file.to_owned(),
-            duration_secs: mapped.duration_secs,
+            robot: robot.name.clone(),
+            file: file.display().to_string(),
+            duration_secs: robot.duration_secs,
             lines: report.lines,
             scans: report.scans,
+            patches: robot.patch_scans.len(),
+            path_m: path_length(&mapped.poses[usize::from(id.0)]),
+            islands: islands.into_iter().collect(),
             duplicate_scans: report.duplicates,
             stamps_back: report.stamps_back,
             invalid_beams: report.invalid_beams,
@@ -145,22 +205,56 @@ impl LogMetrics {
             failure: report.failure.as_ref().map(ToString::to_string),
         }
     }
+
+    fn to_text(&self) -> String {
+        let mut text = format!(
+            "{}: {}, {:.0} m, {:.0} s of log\n",
+            self.file,
+            counted(self.scans, "scan"),
+            self.path_m,
+            self.duration_secs,
+        );
+        if self.dropped_lines > 0 || self.failure.is_some() {
+            text.push_str(&format!("  LOST: {}\n", counted(self.dropped_lines, "dropped line")));
+            for problem in self.dropped.iter().take(5).chain(&self.failure) {
+                text.push_str(&format!("    {problem}\n"));
+            }
+        }
+        text
+    }
+}
+
+impl IslandMetrics {
+    fn of(mapped: &MappedTeam, frames: &[GridFrame]) -> Vec<Self> {
+        let islands = mapped.islands.islands.iter().enumerate().zip(frames);
+        islands
+            .map(|((k, island), frame)| IslandMetrics {
+                patches: island.patches.len(),
+                robots: island.robots.clone(),
+                path_m: mapped.paths_on(k).iter().map(|path| path_length(path)).sum(),
+                resolution_m: frame.resolution_m,
+                cells: [frame.width, frame.height],
+            })
+            .collect()
+    }
+
+    fn to_text(&self) -> String {
+        let patches = grouped(self.patches as u64);
+        format!("{} ({patches} patches, {:.0} m)", title(&self.robots), self.path_m)
+    }
 }
 
 impl MapMetrics {
-    fn new(mapped: &MappedLog, frame: &rendering::GridFrame) -> Self {
-        let manifold = mapped.mapper.manifold();
+    fn new(mapped: &MappedTeam, logs: &[LogMetrics]) -> Self {
         let mut relations = BTreeMap::new();
-        for relation in manifold.active_relations() {
+        for relation in mapped.team.manifold().active_relations() {
             *relations.entry(name_in_files(&relation.provenance)).or_default() += 1;
         }
         MapMetrics {
-            counts: mapped.mapper.statistics(),
-            islands: manifold.islands().len(),
+            counts: mapped.team.statistics(),
+            islands: mapped.islands.islands.len(),
             relations,
-            path_m: path_length(&mapped.poses),
-            resolution_m: frame.resolution_m,
-            cells: [frame.width, frame.height],
+            path_m: logs.iter().map(|log| log.path_m).sum(),
         }
     }
 }

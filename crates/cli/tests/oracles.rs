@@ -9,8 +9,12 @@ mod bad_input;
 mod benchmark;
 #[path = "oracles/commands.rs"]
 mod commands;
+#[path = "oracles/cut.rs"]
+mod cut;
 #[path = "oracles/scores.rs"]
 mod scores;
+#[path = "oracles/teams.rs"]
+mod teams;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

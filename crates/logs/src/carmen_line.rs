@@ -35,6 +35,8 @@ pub(crate) struct LaserLine {
     pub readings_m: Vec<f32>,
     pub odom_from_laser: Pose2,
     pub odom_from_base: Pose2,
+    /// Field of the line, from 0, at which the laser's pose begins; the base's follows it.
+    pub pose_field: usize,
     pub twist: Option<Twist>,
 }
 
@@ -90,6 +92,7 @@ fn old_laser(name: LaserName, mut fields: Fields, complete: bool) -> Result<Mess
     // Pose, pose, stamp; host and logger stamp are sometimes cut away by converters.
     let readings_m = fields.readings(if complete { 7..=9 } else { 9..=9 }, complete)?;
     let tail = fields.clone().total();
+    let pose_field = fields.field;
     let odom_from_laser = fields.pose()?;
     let odom_from_base = fields.pose()?;
     let (stamp, stamp_text) = fields.stamp(complete).map_err(|fault| match tail {
@@ -106,6 +109,7 @@ fn old_laser(name: LaserName, mut fields: Fields, complete: bool) -> Result<Mess
         readings_m,
         odom_from_laser,
         odom_from_base,
+        pose_field,
         twist: None,
     })))
 }
@@ -122,6 +126,7 @@ fn robot_laser(digit: u8, mut fields: Fields, complete: bool) -> Result<Message,
     fields.skip(2)?;
     let readings_m = fields.readings(13..=usize::MAX, complete)?;
     let turn_axis = fields.skip_remissions(readings_m.len(), complete)?;
+    let pose_field = fields.field;
     let odom_from_laser = fields.pose()?;
     let odom_from_base = fields.pose()?;
     let (forward_m_per_sec, yaw_rad_per_sec) = (fields.number()?, fields.number()?);
@@ -138,6 +143,7 @@ fn robot_laser(digit: u8, mut fields: Fields, complete: bool) -> Result<Message,
         readings_m,
         odom_from_laser,
         odom_from_base,
+        pose_field,
         twist: sane.then_some(twist),
     })))
 }

@@ -3,7 +3,7 @@
 //! Parsers take any text and never panic; memory is bounded whatever the input. Readers of sensor
 //! logs return what they could read and a report of what they left out ([`ReadReport`]); readers of
 //! results (trajectories) are strict and fail with file, line and field ([`LogError`]).
-//! Only [`LogFile`] knows of files.
+//! Only [`LogFile`] knows of files. [`Cut`] makes several robots' logs of one.
 //!
 //! ```
 //! use manifoldslam_logs::{CarmenReader, ReadOptions};
@@ -14,6 +14,7 @@
 
 mod carmen;
 mod carmen_line;
+mod cut;
 mod error;
 pub mod g2o;
 mod input;
@@ -26,6 +27,7 @@ mod report;
 mod tum;
 
 pub use carmen::{CarmenReader, ReadOptions};
+pub use cut::{Cut, CutReport, Piece, shares};
 pub use error::{DropReason, DroppedLine, LogError};
 pub use input::{LogFile, LogInput, decompress};
 pub use record::LogRecord;

@@ -7,6 +7,8 @@
 mod carmen;
 #[path = "oracles/compressed.rs"]
 mod compressed;
+#[path = "oracles/cut.rs"]
+mod cut;
 #[path = "oracles/damage.rs"]
 mod damage;
 #[path = "oracles/real.rs"]

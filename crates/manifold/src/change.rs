@@ -1,4 +1,6 @@
-use crate::{Elevation, Patch, PatchId, PatchSighting, Relation, RelationId, Retraction, Robot, Way};
+use crate::{
+    Elevation, Patch, PatchId, PatchSighting, Relation, RelationId, Retraction, Robot, Way,
+};
 use geometry::Pose2;
 
 /// Something that happened to a manifold: what is stored, sent and drawn.

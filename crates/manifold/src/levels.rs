@@ -131,10 +131,7 @@ impl Manifold {
 }
 
 /// The stretch of every patch, and the stretches: patches joined by steps that do not climb.
-fn flat_stretches(
-    heights: &[f64],
-    steps: &[(usize, usize, f64)],
-) -> (Vec<usize>, Vec<Stretch>) {
+fn flat_stretches(heights: &[f64], steps: &[(usize, usize, f64)]) -> (Vec<usize>, Vec<Stretch>) {
     let climbs = |&(a, b, distance): &(usize, usize, f64)| {
         (heights[a] - heights[b]).abs() > (RAMP_SLOPE * distance).max(RAMP_M)
     };

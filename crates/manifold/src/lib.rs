@@ -24,8 +24,6 @@ pub use local_submap::{INTERVAL_95, SubmapLimits, SubmapMember};
 pub use manifold::Manifold;
 pub use patch::{Elevation, Patch, PatchId};
 pub use patch_sighting::PatchSighting;
-pub use relation::{
-    Provenance, Relation, RelationId, RelationState, Retraction, through_relation,
-};
+pub use relation::{Provenance, Relation, RelationId, RelationState, Retraction, through_relation};
 pub use robot::Robot;
 pub use way::{Climb, Way};

@@ -202,6 +202,11 @@ impl Manifold {
             .filter_map(move |r| self.relations[r.index()].seen_from(id))
     }
 
+    /// The relations at a patch that are part of the map, in order of creation.
+    pub fn relations_at(&self, id: PatchId) -> impl Iterator<Item = &Relation> {
+        self.adjacent[id.index()].iter().map(|r| &self.relations[r.index()])
+    }
+
     fn add_relation(
         &mut self,
         from: PatchId,

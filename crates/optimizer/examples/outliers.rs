@@ -20,7 +20,7 @@
 
 mod common;
 
-use common::{CpuClock, ate, poses, truth};
+use common::{CpuClock, ate, own_uncertainty, poses, truth};
 use geometry::Pose2;
 use logs::g2o::{Graph, open_g2o};
 use manifoldslam_optimizer::{
@@ -142,15 +142,4 @@ impl Experiment {
         }
         Ok(())
     }
-}
-
-/// Root mean square of the positions' marginal standard deviations, metres.
-fn own_uncertainty(graph: &Graph2, optimizer: &mut Optimizer<Pose2, 3>) -> Result<f64, Failure> {
-    let ids: Vec<u64> = graph.nodes().iter().map(|node| node.id).collect();
-    let marginals = optimizer.marginals(graph, &ids)?;
-    let variances = ids.iter().filter_map(|&id| marginals.covariance(id, id));
-    let sum: f64 = variances.map(|c| c[(0, 0)] + c[(1, 1)]).sum();
-    let freedom = 3 * (graph.edges().len() + 1 - ids.len());
-    let variance_factor = graph.chi2() / freedom as f64;
-    Ok((variance_factor * sum / ids.len() as f64).sqrt())
 }

@@ -1,3 +1,4 @@
+use crate::components::components;
 use crate::gate::{chi2_quantile, mahalanobis};
 use crate::spine::covariance_of;
 use crate::support::Alternative;
@@ -39,7 +40,11 @@ pub(crate) fn review<G: LieGroup<D>, const D: usize>(
     let odds = (closures.len() - out + 1) as f64 / (out + 1) as f64;
     let alarm = chi2_quantile(D, 1.0 - FALSE_ALARM) * model.scale;
     let in_doubt = |edge: usize| !inliers[edge] || graph.edge_chi2(edge) > LEAST_CONTROL * alarm;
-    let closures: Vec<usize> = closures.into_iter().filter(|&edge| in_doubt(edge)).collect();
+    let part = parts(kept);
+    let known =
+        |edge: usize| part[graph.ends()[edge][0] as usize] == part[graph.ends()[edge][1] as usize];
+    let closures: Vec<usize> =
+        closures.into_iter().filter(|&edge| in_doubt(edge) && known(edge)).collect();
     let ends = |&edge: &usize| [graph.edges()[edge].from, graph.edges()[edge].to];
     let ids: Vec<u64> = closures.iter().flat_map(ends).collect();
     let marginals = optimizer.marginals(kept, &ids)?;
@@ -58,6 +63,16 @@ pub(crate) fn review<G: LieGroup<D>, const D: usize>(
     worst.truncate(worst.len().div_ceil(4));
     review.withdraw = worst.into_iter().map(|(_, edge)| edge).collect();
     Ok(review)
+}
+
+/// A label per node; between nodes of different labels the estimate says nothing, and no closure
+/// can be judged: their parts hang together neither by edges nor by fixed nodes.
+fn parts<G: LieGroup<D>, const D: usize>(kept: &PoseGraph<G, D>) -> Vec<u32> {
+    let mut ends = kept.ends().to_vec();
+    let fixed: Vec<u32> =
+        (0..kept.nodes().len() as u32).filter(|&n| kept.nodes()[n as usize].fixed).collect();
+    ends.extend(fixed.windows(2).map(|pair| [pair[0], pair[1]]));
+    components(kept.nodes().len(), &ends)
 }
 
 /// True when a closure that was left out is more likely right than wrong.

@@ -15,10 +15,38 @@ impl BitGraph {
         BitGraph { words, rows: vec![0; words * nodes], nodes }
     }
 
+    /// Number of nodes.
+    pub fn nodes(&self) -> usize {
+        self.nodes
+    }
+
     /// Connects two different nodes.
     pub fn connect(&mut self, a: usize, b: usize) {
         self.rows[a * self.words + b / 64] |= 1 << (b % 64);
         self.rows[b * self.words + a / 64] |= 1 << (a % 64);
+    }
+
+    /// True when two nodes are connected.
+    pub fn connected(&self, a: usize, b: usize) -> bool {
+        self.rows[a * self.words + b / 64] >> (b % 64) & 1 == 1
+    }
+
+    /// How many of `others` a node is connected with.
+    pub fn common(&self, node: usize, others: &[usize]) -> usize {
+        others.iter().filter(|&&other| self.connected(node, other)).count()
+    }
+
+    /// The graph of some of the nodes; node `k` is the old node `chosen[k]`.
+    pub fn induced(&self, chosen: &[usize]) -> BitGraph {
+        let mut graph = BitGraph::new(chosen.len());
+        for (b, &second) in chosen.iter().enumerate() {
+            for (a, _) in
+                chosen[..b].iter().enumerate().filter(|(_, a)| self.connected(**a, second))
+            {
+                graph.connect(a, b);
+            }
+        }
+        graph
     }
 
     /// The neighbours of a node, one bit each.

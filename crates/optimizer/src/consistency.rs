@@ -56,17 +56,9 @@ pub fn consistent_set<G: LieGroup<D>, const D: usize>(
     mut odometry: impl FnMut(u64, u64) -> Option<Gaussian<G, D>>,
     settings: &ConsistencySettings,
 ) -> ConsistentSet {
-    let count = candidates.len().min(settings.max_candidates);
-    let mut graph = BitGraph::new(count);
-    for (b, second) in candidates[..count].iter().enumerate() {
-        for (a, first) in candidates[..b].iter().enumerate() {
-            if agree(first, second, &mut odometry, settings.max_chi2) {
-                graph.connect(a, b);
-            }
-        }
-    }
+    let graph = agreements(candidates, &mut odometry, settings);
     let (members, exact) = maximum_clique(&graph, settings.budget);
-    ConsistentSet { members, exact: exact && count == candidates.len() }
+    ConsistentSet { members, exact: exact && graph.nodes() == candidates.len() }
 }
 
 /// Disjoint consistent sets, largest first: the largest, then the largest among the rest, while
@@ -80,20 +72,37 @@ pub fn consistent_sets<G: LieGroup<D>, const D: usize>(
     settings: &ConsistencySettings,
     min_members: usize,
 ) -> Vec<ConsistentSet> {
-    let mut left: Vec<usize> = (0..candidates.len()).collect();
+    let graph = agreements(candidates, &mut odometry, settings);
+    let compared = graph.nodes() == candidates.len();
+    let mut left: Vec<usize> = (0..graph.nodes()).collect();
     let mut sets = vec![];
     loop {
-        let rest: Vec<_> = left.iter().map(|&k| candidates[k]).collect();
-        let mut set = consistent_set(&rest, &mut odometry, settings);
-        for member in &mut set.members {
-            *member = left[*member];
-        }
-        if set.members.len() < min_members.max(1) {
+        let (members, exact) = maximum_clique(&graph.induced(&left), settings.budget);
+        if members.len() < min_members.max(1) {
             return sets;
         }
-        left.retain(|k| set.members.binary_search(k).is_err());
-        sets.push(set);
+        let members: Vec<usize> = members.into_iter().map(|member| left[member]).collect();
+        left.retain(|k| members.binary_search(k).is_err());
+        sets.push(ConsistentSet { members, exact: exact && compared });
     }
+}
+
+/// Which candidates agree pairwise; only the first `max_candidates` are nodes.
+pub(crate) fn agreements<G: LieGroup<D>, const D: usize>(
+    candidates: &[ClosureCandidate<G, D>],
+    odometry: &mut impl FnMut(u64, u64) -> Option<Gaussian<G, D>>,
+    settings: &ConsistencySettings,
+) -> BitGraph {
+    let count = candidates.len().min(settings.max_candidates);
+    let mut graph = BitGraph::new(count);
+    for (b, second) in candidates[..count].iter().enumerate() {
+        for (a, first) in candidates[..b].iter().enumerate() {
+            if agree(first, second, odometry, settings.max_chi2) {
+                graph.connect(a, b);
+            }
+        }
+    }
+    graph
 }
 
 fn agree<G: LieGroup<D>, const D: usize>(

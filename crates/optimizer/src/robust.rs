@@ -1,9 +1,11 @@
 use crate::admission::review;
+use crate::joints::{joints_along, spanning_joints};
 use crate::spine::Spine;
 use crate::support::{Alternative, supported};
 use crate::{EdgeKind, GncSettings, Optimizer, OptimizerError, PoseGraph, Report};
 use crate::{initialize_spanning_tree, optimize_gnc};
 use geometry::LieGroup;
+use std::cmp::Reverse;
 
 /// Most rounds of taking closures in and out after the skeleton has been found.
 const MAX_ROUNDS: usize = 20;
@@ -42,7 +44,9 @@ pub struct RobustReport {
 /// Optimises a graph many of whose closures may be wrong, and says which.
 ///
 /// 1. Closures that agree with closures nearby, beyond chance, make a skeleton. This needs only
-///    the trusted edges, so it does not matter how far odometry has drifted.
+///    the trusted edges, so it does not matter how far odometry has drifted. Parts of the graph
+///    that no trusted edge joins (robots, sessions) are joined by the largest sets of closures that
+///    agree with each other across them, see [`crate::find_joints`].
 /// 2. The skeleton is optimised by graduated non-convexity, which throws out what does not fit.
 /// 3. Every closure is judged in the light of all others: those left out are taken in where they
 ///    are likely right, believed ones thrown out where they contradict the rest. Then 2 again,
@@ -53,7 +57,8 @@ pub fn optimize_robust<G: LieGroup<D>, const D: usize>(
     graph: &mut PoseGraph<G, D>,
     settings: &RobustSettings,
 ) -> Result<RobustReport, OptimizerError> {
-    let (mut inliers, volume) = supported(graph, &Spine::new(graph));
+    let spine = Spine::new(graph);
+    let (mut inliers, volume) = supported(graph, &spine);
     let supported = inliers.iter().filter(|x| **x).count();
     let closures = graph.edges().iter().filter(|e| e.kind == EdgeKind::Closure).count();
     // Closures too far apart to vouch for each other: all of them are tried together.
@@ -61,6 +66,7 @@ pub fn optimize_robust<G: LieGroup<D>, const D: usize>(
     for (inlier, edge) in inliers.iter_mut().zip(graph.edges()) {
         *inlier |= all || edge.kind == EdgeKind::Sequential;
     }
+    believe_joints(graph, &spine, &mut inliers, all);
     if settings.from_odometry {
         let fixed: Vec<bool> = graph.nodes().iter().map(|node| node.fixed).collect();
         let mut skeleton = graph.filtered(|edge| inliers[edge]);
@@ -71,6 +77,39 @@ pub fn optimize_robust<G: LieGroup<D>, const D: usize>(
     let mut search = Search { graph, inliers, model, optimizer: Optimizer::new() };
     let report = search.run(&settings.gnc)?;
     Ok(RobustReport { report, inliers: search.inliers, supported })
+}
+
+/// Between trees of trusted edges only the closures of the largest joints are believed at first;
+/// all others are judged once those have laid the trees to each other.
+///
+/// Neighbours vouch for each other in a wrong bundle of closures, such as that of a repeated room,
+/// as in a right one, and no trusted path is there to contradict them: the largest set decides if
+/// it has half as many members again as its rival, since which of two equals is the larger is
+/// decided by the closures that happen to miss a gate. Closures that nobody vouches for join
+/// nothing, unless (`all`) hardly any is vouched for.
+fn believe_joints<G: LieGroup<D>, const D: usize>(
+    graph: &PoseGraph<G, D>,
+    spine: &Spine<G, D>,
+    inliers: &mut [bool],
+    all: bool,
+) {
+    let mut joints = joints_along(graph, spine, |edge| inliers[edge]);
+    for joint in &mut joints {
+        // Far from the others a clique proves little: every wide gate is open.
+        if !all {
+            joint.members.retain(|&edge| inliers[edge]);
+        }
+    }
+    joints.retain(|joint| 2 * joint.members.len() >= 3 * joint.rival);
+    joints.sort_by_key(|joint| (Reverse(joint.members.len()), joint.trees));
+    for (edge, ends) in graph.ends().iter().enumerate() {
+        inliers[edge] &= spine.root(ends[0]) == spine.root(ends[1]);
+    }
+    for joint in spanning_joints(&joints, graph.nodes().len()) {
+        for &edge in &joint.members {
+            inliers[edge] = true;
+        }
+    }
 }
 
 /// The state of the search for the closures to believe.

@@ -16,7 +16,7 @@ const NONE: u32 = u32::MAX;
 pub struct Spine<G, const D: usize> {
     /// Place of each node in a depth-first walk; along a chain, neighbours are consecutive.
     pub(crate) order: Vec<u32>,
-    /// Number of the tree each node belongs to.
+    /// The root of the tree each node belongs to.
     tree: Vec<u32>,
     parent: Vec<u32>,
     /// A far ancestor: climbing by it takes logarithmic time (Myers 1983).
@@ -42,7 +42,7 @@ impl<G: LieGroup<D>, const D: usize> Spine<G, D> {
             pose: vec![G::identity(); n],
             sum: vec![SMatrix::zeros(); n],
         };
-        let (mut next, mut trees, mut stack) = (0, 0, vec![]);
+        let (mut next, mut stack) = (0, vec![]);
         for root in 0..n as u32 {
             if spine.order[root as usize] != NONE {
                 continue;
@@ -54,7 +54,7 @@ impl<G: LieGroup<D>, const D: usize> Spine<G, D> {
                     continue;
                 }
                 spine.order[node as usize] = next;
-                spine.tree[node as usize] = trees;
+                spine.tree[node as usize] = root;
                 next += 1;
                 if edge != NONE {
                     spine.attach(graph, node, edge as usize);
@@ -68,9 +68,13 @@ impl<G: LieGroup<D>, const D: usize> Spine<G, D> {
                     }
                 }
             }
-            trees += 1;
         }
         spine
+    }
+
+    /// The root, the first node of the tree that `node` belongs to; both are indices.
+    pub(crate) fn root(&self, node: u32) -> u32 {
+        self.tree[node as usize]
     }
 
     /// `a_from_b` along the tree, for node *indices*; `None` between different trees.

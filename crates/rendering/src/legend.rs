@@ -1,7 +1,7 @@
 use crate::canvas::Canvas;
-use crate::font;
 use crate::map_image::{Annotations, Scale};
 use crate::palette::Ink;
+use crate::{MarkKind, font};
 use geometry::Vector2;
 
 /// The strip below a map: title, scale bar and the names of what is drawn, broken into lines.
@@ -21,8 +21,7 @@ enum Item {
 enum Symbol {
     Path(usize),
     Patch,
-    Accepted,
-    Rejected,
+    Mark(MarkKind),
 }
 
 /// Left end of the base line, relative to the strip's upper left corner, in pixels.
@@ -81,11 +80,12 @@ fn collect(annotations: &Annotations, metres_per_pixel: f64, width: usize) -> Ve
     if annotations.legend {
         let named = |symbol, name: &str| Item::Named { symbol, name: name.to_owned() };
         let paths = annotations.trajectories.iter().enumerate();
+        let paths = paths.filter(|(_, t)| !t.poses.is_empty());
         items.extend(paths.map(|(k, t)| named(Symbol::Path(k), t.name)));
         items.extend((!annotations.patches.is_empty()).then(|| named(Symbol::Patch, "patch")));
-        let closures = |accepted| annotations.closures.iter().any(|c| c.accepted == accepted);
-        items.extend(closures(true).then(|| named(Symbol::Accepted, "loop closure")));
-        items.extend(closures(false).then(|| named(Symbol::Rejected, "rejected closure")));
+        let present = |kind: &MarkKind| annotations.closures.iter().any(|c| c.kind == *kind);
+        let kinds = MarkKind::ALL.into_iter().filter(present);
+        items.extend(kinds.map(|kind| named(Symbol::Mark(kind), kind.name())));
     }
     items
 }
@@ -131,10 +131,7 @@ impl Symbol {
                 canvas.disc(at, 4.0 * scale.unit, Ink::Robot(k));
             }
             Symbol::Patch => canvas.disc((at + end) / 2.0, 2.2 * scale.unit, Ink::Patch),
-            Symbol::Accepted => canvas.line(at, end, scale.pen(Ink::Accepted, 1.8)),
-            Symbol::Rejected => {
-                canvas.dashed(at, end, 5.0 * scale.unit, scale.pen(Ink::Rejected, 1.8));
-            }
+            Symbol::Mark(kind) => kind.style().draw(canvas, (at, end), scale, 1.4),
         }
     }
 }

@@ -1,7 +1,8 @@
 use crate::canvas::{Canvas, Pen};
 use crate::legend::Legend;
+use crate::marks::in_drawing_order;
 use crate::palette::{self, Ink};
-use crate::{OccupancyGrid, RenderError};
+use crate::{ClosureMark, OccupancyGrid, RenderError};
 use geometry::{Pose2, Vector2};
 
 /// A robot's path through the map.
@@ -13,27 +14,17 @@ pub struct Trajectory<'a> {
     pub poses: &'a [Pose2],
 }
 
-/// A loop closure to draw: a line between two places of the map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ClosureMark {
-    /// One patch, in the map frame, metres.
-    pub from: Vector2<f64>,
-    /// The other patch, in the map frame, metres.
-    pub to: Vector2<f64>,
-    /// Accepted closures are green, rejected ones red and dashed.
-    pub accepted: bool,
-}
-
 /// What is drawn on and around a map.
 #[derive(Clone, Copy, Debug)]
 pub struct Annotations<'a> {
     /// A heading, for instance the name of the log or of the level.
     pub title: Option<&'a str>,
-    /// Paths, one colour per robot in this order, with a start marker each.
+    /// Paths, one colour per robot in this order, with a start marker each. A robot without poses
+    /// keeps its colour from being another's and is not named.
     pub trajectories: &'a [Trajectory<'a>],
     /// Patches, as small dots at their poses in the map frame.
     pub patches: &'a [Pose2],
-    /// Loop closures.
+    /// Loop closures, merges and what else joins patches.
     pub closures: &'a [ClosureMark],
     /// The bar that says how long a metre is.
     pub scale_bar: bool,
@@ -149,13 +140,8 @@ fn draw_overlays(
     for patch in annotations.patches {
         canvas.disc(place(patch.translation()), 1.6 * scale.unit, Ink::Patch);
     }
-    // Accepted closures come last, on top.
-    for closure in annotations.closures.iter().filter(|c| !c.accepted) {
-        let pen = scale.pen(Ink::Rejected, 1.1);
-        canvas.dashed(place(closure.from), place(closure.to), 5.0 * scale.unit, pen);
-    }
-    for closure in annotations.closures.iter().filter(|c| c.accepted) {
-        canvas.line(place(closure.from), place(closure.to), scale.pen(Ink::Accepted, 1.3));
+    for mark in in_drawing_order(annotations.closures) {
+        mark.kind.style().draw(canvas, (place(mark.from), place(mark.to)), scale, 1.0);
     }
     for (k, trajectory) in annotations.trajectories.iter().enumerate() {
         if let Some(start) = trajectory.poses.first() {

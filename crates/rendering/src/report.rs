@@ -1,7 +1,7 @@
 use crate::palette::Ink;
 use crate::svg::{hex, overlay_svg, stroke_width, view_box};
 use crate::text::{base64, escape};
-use crate::{Annotations, OccupancyGrid, RenderError, map_png};
+use crate::{Annotations, MarkKind, OccupancyGrid, RenderError, map_png};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -192,15 +192,17 @@ fn layers(annotations: &Annotations) -> String {
             );
         }
     };
-    let closures =
-        |accepted| annotations.closures.iter().filter(|c| c.accepted == accepted).count();
-    let robots = annotations.trajectories;
-    let paths = robots.iter().map(|t| t.name).collect::<Vec<_>>().join(", ");
-    layer(!robots.is_empty(), "paths", Ink::Robot(0), &format!("paths: {paths}"));
+    let robots: Vec<_> =
+        annotations.trajectories.iter().enumerate().filter(|(_, t)| !t.poses.is_empty()).collect();
+    let paths = robots.iter().map(|(_, t)| t.name).collect::<Vec<_>>().join(", ");
+    let first = robots.first().map_or(0, |(k, _)| *k);
+    layer(!robots.is_empty(), "paths", Ink::Robot(first), &format!("paths: {paths}"));
     layer(!annotations.patches.is_empty(), "patches", Ink::Patch, "patches");
-    let (yes, no) = (closures(true), closures(false));
-    layer(yes > 0, "accepted", Ink::Accepted, &format!("{yes} closures accepted"));
-    layer(no > 0, "rejected", Ink::Rejected, &format!("{no} closures rejected"));
+    for kind in MarkKind::ALL {
+        let count = annotations.closures.iter().filter(|c| c.kind == kind).count();
+        let text = format!("{}: {count}", kind.name());
+        layer(count > 0, kind.class(), kind.style().ink, &text);
+    }
     html
 }
 

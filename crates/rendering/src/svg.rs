@@ -1,7 +1,8 @@
 use crate::contour::{simplify, wall_outlines};
+use crate::marks::{MarkStyle, in_drawing_order};
 use crate::palette::Ink;
 use crate::text::escape;
-use crate::{Annotations, GridFrame, OccupancyGrid};
+use crate::{Annotations, ClosureMark, GridFrame, OccupancyGrid};
 use geometry::Vector2;
 use std::fmt::Write;
 
@@ -58,23 +59,35 @@ pub(crate) fn overlay_svg(annotations: &Annotations, tolerance_m: f64, width: f6
     for patch in annotations.patches {
         svg.push_str(&circle("patch", patch.translation(), 1.2 * width, &hex(Ink::Patch)));
     }
-    for closure in annotations.closures {
-        let (class, ink, dash) = if closure.accepted {
-            ("accepted", Ink::Accepted, String::new())
-        } else {
-            ("rejected", Ink::Rejected, format!(" stroke-dasharray=\"{}\"", number(4.0 * width)))
-        };
-        let mut path = String::new();
-        push_path(&mut path, &[closure.from, closure.to]);
-        let _ = writeln!(
-            svg,
-            "<path class=\"closure {class}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"{dash} \
-             d=\"{path}\"/>",
-            hex(ink),
-            number(width),
-        );
+    for mark in in_drawing_order(annotations.closures) {
+        push_mark(&mut svg, mark, width);
     }
     svg
+}
+
+fn push_mark(svg: &mut String, mark: &ClosureMark, unit: f64) {
+    let (style, class) = (mark.kind.style(), mark.kind.class());
+    let mut path = String::new();
+    push_path(&mut path, &[mark.from, mark.to]);
+    let line = |ink: Ink, width: f64, dash: &str| {
+        format!(
+            "<path class=\"closure {class}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"{dash} \
+             d=\"{path}\"/>\n",
+            hex(ink),
+            number(width * unit),
+        )
+    };
+    if style.cased {
+        svg.push_str(&line(Ink::Paper, style.width + 2.0 * MarkStyle::CASE, ""));
+    }
+    let dash = format!(" stroke-dasharray=\"{}\"", number(MarkStyle::DASH * unit));
+    svg.push_str(&line(style.ink, style.width, if style.dashed { &dash } else { "" }));
+    if style.ends {
+        let class = format!("closure {class}");
+        for end in [mark.from, mark.to] {
+            svg.push_str(&circle(&class, end, MarkStyle::END * unit, &hex(style.ink)));
+        }
+    }
 }
 
 fn header(frame: &GridFrame, title: Option<&str>) -> String {

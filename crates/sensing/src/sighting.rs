@@ -3,9 +3,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What a landmark is.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LandmarkKind {
     /// A person to be found.

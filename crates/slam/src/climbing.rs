@@ -56,11 +56,7 @@ impl Climbing {
 
     /// Puts an observation and its surface on the plan. Observations without attitude stay what
     /// they are.
-    pub fn level(
-        &mut self,
-        observation: &mut Observation,
-        surface: &mut Vec<LinePoint>,
-    ) -> Stance {
+    pub fn level(&mut self, observation: &mut Observation, surface: &mut Vec<LinePoint>) -> Stance {
         self.last = std::mem::replace(&mut self.now, observation.attitude);
         let Some(reading) = observation.attitude else {
             self.odometry = None;

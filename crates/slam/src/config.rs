@@ -1,4 +1,4 @@
-use crate::{ClosingSettings, ElevationSettings, OdometrySettings, RefitSettings};
+use crate::{ClosingSettings, ElevationSettings, MergingSettings, OdometrySettings, RefitSettings};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,8 @@ pub struct SlamConfig {
     pub relation_floor: RelationFloor,
     /// Loop closing.
     pub closing: ClosingSettings,
+    /// Joining islands.
+    pub merging: MergingSettings,
     /// The global refit.
     pub refit: RefitSettings,
     /// The laser's measurement error.
@@ -48,6 +50,7 @@ impl Default for SlamConfig {
             submap: SubmapLimits::default(),
             relation_floor: RelationFloor::default(),
             closing: ClosingSettings::default(),
+            merging: MergingSettings::default(),
             refit: RefitSettings::default(),
             noise: BeamNoise::default(),
             lines: LineFitSettings::default(),

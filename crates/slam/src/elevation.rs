@@ -6,11 +6,11 @@ mod solve;
 
 use crate::map::Map;
 use crate::unit_bias::Mode;
-pub(crate) use ground::forget_ground;
 use geometry::Vector2;
-use manifold::{Climb, Elevation, Manifold, PatchId};
-use sensing::Attitude;
+pub(crate) use ground::forget_ground;
+use manifold::{Climb, Elevation, Manifold, Patch, PatchId};
 use measured::rises;
+use sensing::Attitude;
 use serde::{Deserialize, Serialize};
 use solve::{along_best_path, least_squares};
 
@@ -95,10 +95,11 @@ pub(crate) fn estimate_elevations(map: &mut Map) {
         }
     }
     least_squares(&rises, biases.len(), &mut heights);
-    for (slope, patch) in map.slopes.iter_mut().zip(manifold.patches()) {
+    let slope = |patch: &Patch| {
         let bias = &biases[usize::from(patch.robot.0)];
-        *slope = patch.attitude.map_or_else(Vector2::zeros, |reading| self::slope(&reading, bias));
-    }
+        patch.attitude.map_or_else(Vector2::zeros, |reading| slope(&reading, bias))
+    };
+    map.slopes = manifold.patches().iter().map(slope).collect();
     let changed = changed(manifold, &heights);
     map.manifold.elevate(changed);
 }

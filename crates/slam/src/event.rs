@@ -23,6 +23,8 @@ pub enum Stage {
     LoopClosing,
     /// Optimising relations after closures.
     Optimisation,
+    /// Joining islands.
+    Merging,
     /// The global refit.
     Refit,
     /// Placing every scan in the refitted map.
@@ -30,7 +32,7 @@ pub enum Stage {
 }
 
 /// Told when a stage begins and ends; the pipeline itself reads no clock.
-pub trait StageObserver: Send {
+pub trait StageObserver: Send + Sync {
     /// A stage begins.
     fn begin(&mut self, stage: Stage);
     /// The stage that began last ends.

@@ -54,11 +54,7 @@ impl FrontEnd {
     }
 
     /// Puts an observation and its surface on the plan, before [`FrontEnd::process`].
-    pub fn level(
-        &mut self,
-        observation: &mut Observation,
-        surface: &mut Vec<LinePoint>,
-    ) -> Stance {
+    pub fn level(&mut self, observation: &mut Observation, surface: &mut Vec<LinePoint>) -> Stance {
         self.climbing.level(observation, surface)
     }
 
@@ -152,7 +148,7 @@ impl FrontEnd {
         let pose = &expected.poses[0].mean;
         let (patch, anchor_from_patch) = self.submap.nearest(pose, 1.0);
         let base_from_patch = pose.between(&anchor_from_patch);
-        base_from_patch.rotate(map.slopes[patch.index()])
+        base_from_patch.rotate(map.slope(patch))
     }
 
     /// Where the scan may have been taken, in the submap's frame.
@@ -269,10 +265,10 @@ impl FrontEnd {
     }
 
     fn note_odometry(&mut self, last: PatchId, patch: PatchId, map: &mut Map) {
-        let motion = self.odometer.new_patch().map(|motion| GaussianPose2 {
-            covariance: motion.covariance + self.doubt,
-            ..motion
-        });
+        let motion = self
+            .odometer
+            .new_patch()
+            .map(|motion| GaussianPose2 { covariance: motion.covariance + self.doubt, ..motion });
         let climb = self.climbing.new_patch();
         if motion.is_some() || climb.is_some() {
             map.manifold.note_way(Way { from: last, to: patch, motion, climb });

@@ -8,8 +8,7 @@ pub(crate) struct Map {
     pub manifold: Manifold,
     /// Line points of every patch, in the patch's frame.
     pub surfaces: Vec<Vec<LinePoint>>,
-    /// Rise per metre forwards and to the left of the ground under every patch; zero where nothing
-    /// tells.
+    /// See [`Map::slope`]; patches beyond the end stand on the level.
     pub slopes: Vec<Vector2<f64>>,
 }
 
@@ -33,17 +32,31 @@ impl Map {
 
     /// True for a patch that stands on a floor, as far as is known.
     pub fn is_level(&self, patch: PatchId) -> bool {
-        self.slopes[patch.index()] == Vector2::zeros()
+        self.slope(patch) == Vector2::zeros()
     }
 
     /// True when two patches' lasers swept planes of about the same slope.
     pub fn lean_alike(&self, a: PatchId, b: PatchId) -> bool {
-        let slope = |patch: PatchId| self.pose(patch).rotate(self.slopes[patch.index()]);
+        let slope = |patch: PatchId| self.pose(patch).rotate(self.slope(patch));
         (slope(a) - slope(b)).norm() <= SAME_PLANE_RAD
+    }
+
+    /// Rise per metre forwards and to the left of the ground under a patch; zero where nothing
+    /// tells.
+    pub fn slope(&self, patch: PatchId) -> Vector2<f64> {
+        self.slopes.get(patch.index()).copied().unwrap_or_else(Vector2::zeros)
     }
 
     /// Line points of a patch.
     pub fn surface(&self, patch: PatchId) -> &[LinePoint] {
         &self.surfaces[patch.index()]
+    }
+
+    /// Sets the line points of a patch.
+    pub fn set_surface(&mut self, patch: PatchId, surface: Vec<LinePoint>) {
+        if self.surfaces.len() <= patch.index() {
+            self.surfaces.resize(patch.index() + 1, Vec::new());
+        }
+        self.surfaces[patch.index()] = surface;
     }
 }

@@ -3,85 +3,15 @@ use crate::elevation::{estimate_elevations, forget_ground};
 use crate::front_end::{FrontEnd, Localisation};
 use crate::loop_closing::{Closure, LoopCloser};
 use crate::map::Map;
-use crate::refit::{optimise_relations, refit_breadth_first, refit_globally, relocalise};
-use crate::{ClosingStatistics, Event, RefitMethod, SlamConfig, Stage, StageObserver, Unobserved};
+use crate::preparation::{Preparation, PreparedObservation};
+use crate::refit::{optimise_relations, refit, relocalise};
+use crate::statistics::Statistics;
+use crate::track::{ScanPose, ScanRecord};
+use crate::{ClosingStatistics, Event, SlamConfig, Stage, StageObserver, Unobserved};
 use geometry::{GaussianPose2, LieGroup, Pose2};
-use manifold::{Manifold, PatchId, Provenance};
-use matching::{CompactPoints, FastMatcher, LineExtractor, LinePoint};
+use manifold::{Change, Manifold, PatchId, Provenance};
+use matching::CompactPoints;
 use sensing::Observation;
-use serde::Serialize;
-
-/// Where a scan was taken: a pose relative to a patch, so that it moves with the map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ScanPose {
-    /// The patch.
-    pub patch: PatchId,
-    /// The robot's base seen from the patch.
-    pub patch_from_base: Pose2,
-}
-
-impl ScanPose {
-    /// The pose in the frame of the patch's island.
-    pub fn in_map(&self, manifold: &Manifold) -> Pose2 {
-        manifold.patch(self.patch).island_from_patch * self.patch_from_base
-    }
-}
-
-/// A scan of the log as the global pass needs it.
-#[derive(Clone, Debug)]
-pub(crate) struct ScanRecord {
-    pub pose: ScanPose,
-    pub odom_from_base: Option<Pose2>,
-    pub surface: CompactPoints,
-}
-
-/// Counts of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Statistics {
-    /// Observations taken.
-    pub scans: usize,
-    /// Scans that became patches.
-    pub patches: usize,
-    /// Scans whose first match was poor, so that other starting points were tried.
-    pub recoveries: usize,
-    /// Scans of which the local submap explained less than half in the end.
-    pub poor_fits: usize,
-    /// Scans not matched because the robot had fallen over.
-    pub tipped: usize,
-    /// Loop closing.
-    pub closures: ClosingStatistics,
-    /// Optimisations of all relations.
-    pub optimisations: usize,
-    /// Overlaps measured by the global refit, over all rounds.
-    pub overlaps: usize,
-}
-
-/// The part of a step that needs no map: may run ahead of the mapper, on another thread.
-#[derive(Clone, Debug)]
-pub struct Preparation {
-    lines: LineExtractor,
-}
-
-/// An observation with the surfaces its scan shows.
-#[derive(Clone, Debug)]
-pub struct PreparedObservation {
-    observation: Observation,
-    surface: Vec<LinePoint>,
-}
-
-impl Preparation {
-    /// The preparation a mapper of the same configuration expects.
-    pub fn new(config: &SlamConfig) -> Self {
-        Preparation { lines: LineExtractor::new(config.noise, config.lines) }
-    }
-
-    /// Prepares one observation.
-    pub fn prepare(&mut self, observation: Observation) -> PreparedObservation {
-        let Observation { scan, base_from_laser, sweep, .. } = &observation;
-        let surface = self.lines.extract_swept(scan, base_from_laser, sweep.as_ref());
-        PreparedObservation { observation, surface }
-    }
-}
 
 /// One map from a stream of observations.
 ///
@@ -89,12 +19,11 @@ impl Preparation {
 /// threads.
 pub struct Mapper {
     config: SlamConfig,
-    matcher: FastMatcher,
     preparation: Preparation,
     front_end: FrontEnd,
     closer: LoopCloser,
-    map: Map,
-    scans: Vec<ScanRecord>,
+    pub(crate) map: Map,
+    pub(crate) scans: Vec<ScanRecord>,
     statistics: Statistics,
     observer: Box<dyn StageObserver>,
 }
@@ -107,10 +36,8 @@ impl Mapper {
 
     /// An empty map whose stages are reported to `observer`.
     pub fn observed(config: SlamConfig, observer: Box<dyn StageObserver>) -> Self {
-        let matcher = FastMatcher { settings: config.matcher };
         Mapper {
             config,
-            matcher,
             preparation: Preparation::new(&config),
             front_end: FrontEnd::new(config),
             closer: LoopCloser::new(&config),
@@ -140,7 +67,8 @@ impl Mapper {
         });
         self.count(&found);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
-        self.scans.push(ScanRecord { pose, odom_from_base, surface: CompactPoints::new(&surface) });
+        let surface = CompactPoints::new(&surface);
+        self.scans.push(ScanRecord { found: pose, pose, odom_from_base, surface });
         if found.is_patch {
             self.close_loops(found.patch);
         }
@@ -149,23 +77,23 @@ impl Mapper {
         events
     }
 
-    /// The global pass over everything observed. More observations may follow, and another pass.
-    pub fn finish(&mut self) -> Vec<Event> {
+    /// Closes the loops that only show once everything was observed: the map is known better now
+    /// than when each patch was new.
+    pub fn conclude(&mut self) {
         self.optimise();
         forget_ground(&mut self.map, &self.config.elevation);
         self.look_again();
         self.closer.finish();
-        let measured = self.timed(Stage::Refit, |m| match m.config.refit.method {
-            RefitMethod::Global => refit_globally(&mut m.map, &m.config),
-            RefitMethod::BreadthFirst => {
-                refit_breadth_first(&mut m.map, &m.matcher, &m.config);
-                0
-            }
-            RefitMethod::Relations => 0,
-        });
+    }
+
+    /// The global pass over everything observed. More observations may follow, and another pass.
+    pub fn finish(&mut self) -> Vec<Event> {
+        self.conclude();
+        let config = self.config;
+        let measured = self.timed(Stage::Refit, |m| refit(&mut m.map, &config));
         self.statistics.overlaps += measured;
         self.timed(Stage::Relocalisation, |m| {
-            relocalise(&m.map, &mut m.scans, &m.config);
+            relocalise(&m.map, &mut [&mut m.scans[..]], &config);
         });
         if let Some(last) = self.map.manifold.patches().last().map(|p| p.id) {
             self.front_end.relocate(&self.map, last);
@@ -174,6 +102,11 @@ impl Mapper {
         let mut events: Vec<Event> = localised.collect();
         events.extend(self.map.manifold.take_journal().into_iter().map(Event::Map));
         events
+    }
+
+    /// What happened to the map since it was last told, by an event or here.
+    pub fn take_changes(&mut self) -> Vec<Change> {
+        self.map.manifold.take_journal()
     }
 
     /// The map.

@@ -74,6 +74,19 @@ fn write_relation(
     Ok(())
 }
 
+/// Writes the true base poses as a TUM trajectory: `t x y z qx qy qz qw`, world frame.
+///
+/// # Errors
+/// When the writer fails.
+pub fn write_truth(run: &Run, out: &mut impl Write) -> Result<(), SyntheticError> {
+    for (observation, pose) in run.observations.iter().zip(&run.truth) {
+        let (sin, cos) = (0.5 * pose.yaw).sin_cos();
+        let seconds = Seconds(observation.stamp);
+        writeln!(out, "{seconds} {:.6} {:.6} 0 0 0 {sin:.9} {cos:.9}", pose.x, pose.y)?;
+    }
+    Ok(())
+}
+
 /// A stamp as decimal seconds with six digits, by integer arithmetic.
 struct Seconds(Stamp);
 

@@ -26,16 +26,20 @@ mod ray_caster;
 mod room;
 mod run;
 mod scanner;
+mod site;
 mod situations;
 mod solid_world;
 mod storeys;
+mod twin_worlds;
+mod twins;
 mod wheels;
+mod wing;
 mod wood;
 
 pub use buildings::{
     circular_room, corridor, corridor_run, two_loop_building, two_loop_building_with,
 };
-pub use carmen::{write_carmen, write_relations};
+pub use carmen::{write_carmen, write_relations, write_truth};
 pub use drive::Drive;
 pub use error::SyntheticError;
 pub use floor_plan::{Circle, FloorPlan, Wall};
@@ -46,7 +50,9 @@ pub use ray_caster::{RayCaster, SurfaceHit};
 pub use room::{RoomPair, noisy_room, noisy_room_pair};
 pub use run::{Robot, Run};
 pub use scanner::{LaserNoise, Scanner, TrueBeam};
+pub(crate) use site::Site;
 pub use situations::Situation;
 pub use solid_world::{Ground, SolidWorld};
 pub use storeys::{Ascent, Storeys, StoreysRun};
+pub use twins::{Meeting, TwinCase, TwinFamily, TwinPart, twins};
 pub use wheels::WheelNoise;

@@ -28,14 +28,20 @@ pub struct Run {
 impl Run {
     /// Stamp of the first scan: 1000 s, so that logs do not begin at zero.
     const START_NANOS: i64 = 1_000_000_000_000;
+    /// Robots of a team begin this long after each other: 10 h, the longest drive.
+    const APART_NANOS: i64 = 36_000_000_000_000;
 
     /// Drives a robot along waypoints through a plan. Stamps are whole microseconds.
     pub fn record(plan: FloorPlan, robot: &Robot, waypoints: &[(f64, f64)], seed: u64) -> Run {
+        Run::record_in(&RayCaster::new(plan), robot, waypoints, seed)
+    }
+
+    /// [`Run::record`] in a world that several robots share.
+    pub fn record_in(world: &RayCaster, robot: &Robot, waypoints: &[(f64, f64)], seed: u64) -> Run {
         let truth = robot.drive.poses(waypoints);
         // Separate sources, so that changing one noise leaves the other's samples alone.
         let mut laser_rng = StdRng::seed_from_u64(seed);
         let mut wheel_rng = StdRng::seed_from_u64(seed ^ 0x5EED_0D0E);
-        let world = RayCaster::new(plan);
         let mut odom_from_base = Pose2::IDENTITY;
         let observations = (0..truth.len())
             .map(|i| {
@@ -49,7 +55,7 @@ impl Run {
                     stamp: Stamp(Self::START_NANOS + 1000 * micros),
                     odom_from_base: Some(odom_from_base),
                     base_from_laser: robot.scanner.base_from_laser,
-                    scan: robot.scanner.scan(&world, &truth[i], &mut laser_rng),
+                    scan: robot.scanner.scan(world, &truth[i], &mut laser_rng),
                     sweep: None,
                     attitude: None,
                     sightings: Vec::new(),
@@ -57,6 +63,17 @@ impl Run {
             })
             .collect();
         Run { plan: world.plan().clone(), truth, observations }
+    }
+
+    /// The run as that of a team's robot `number`: named so, and with stamps of its own, hours from
+    /// those of the others, so that a stamp tells the robot.
+    #[must_use]
+    pub fn of_robot(mut self, number: u16) -> Run {
+        for observation in &mut self.observations {
+            observation.robot = RobotId(number);
+            observation.stamp.0 += i64::from(number) * Self::APART_NANOS;
+        }
+        self
     }
 
     /// Length of the true path, metres.

@@ -99,9 +99,8 @@ impl SolidWorld {
         let at = mounting.translation();
         let origin = world_from_base.transform(Vector3::new(at.x, at.y, laser_height));
         let reading = |beam: usize| {
-            let angle = mounting.yaw
-                + scanner.laser.bearing(beam)
-                + bearing_std * standard_normal(rng);
+            let angle =
+                mounting.yaw + scanner.laser.bearing(beam) + bearing_std * standard_normal(rng);
             let error = range_std * standard_normal(rng);
             let dropped = rng.random::<f64>() < dropout;
             let ray = Vector3::new(angle.cos(), angle.sin(), 0.0);

@@ -102,7 +102,8 @@ impl Storeys {
         let truth = robot.drive.poses(&waypoints);
         let (heights_m, attitudes) = self.stand(&world, &truth, start_m);
         let largest = self.largest_bias_rad;
-        let mut bias = |b: f64| if largest > 0.0 { b + rng.random_range(-largest..largest) } else { b };
+        let mut bias =
+            |b: f64| if largest > 0.0 { b + rng.random_range(-largest..largest) } else { b };
         let bias = Attitude {
             roll_rad: bias(self.unit.bias.roll_rad),
             pitch_rad: bias(self.unit.bias.pitch_rad),

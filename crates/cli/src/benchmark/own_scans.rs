@@ -47,7 +47,7 @@ impl Named {
 
 /// As mapping reads logs.
 pub fn options() -> ReadOptions {
-    crate::commands::map::read_options(&Config::default())
+    crate::mapping::read_options(&Config::default())
 }
 
 /// Two scans of the user's own as a place.
@@ -68,7 +68,7 @@ pub fn place(names: &[String], truth: Option<Pose2>, contenders: &[Contender]) -
         Some(truth) => truth,
         None => agreed(&pair, contenders)?,
     };
-    let stem = |log: &Path| crate::commands::map::stem(log);
+    let stem = |log: &Path| crate::team::stem(log);
     let name =
         format!("{}:{} - {}:{}", stem(&first.log), first.number, stem(&second.log), second.number);
     Ok(Place {

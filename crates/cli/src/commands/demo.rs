@@ -1,11 +1,11 @@
 use crate::Outcome;
 use crate::args::{DemoArgs, Global};
-use crate::commands::map::{read_options, where_to_look, write_result};
+use crate::commands::map::where_to_look;
 use crate::config::Config;
-use crate::mapping::{map_log, preparing};
-use crate::reading::Reading;
+use crate::result::write_result;
 use crate::result_folder::ResultFolder;
 use crate::scoring::AteScore;
+use crate::team::{LogSource, map_team};
 use crate::terminal::print;
 use anyhow::{Context, Result};
 use logs::write_tum;
@@ -28,13 +28,14 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
 
     let start = Instant::now();
     let path = args.output.join("demo.clf");
-    let reading = Reading::of_text(log, &path, read_options(&config), preparing(&config))?;
-    let mapped = map_log(reading, 0, &config, global)?;
+    let source = LogSource { name: "demo".into(), path, text: Some(log) };
+    let mapped = map_team(vec![source], &config, global)?;
+    let poses = &mapped.poses[0];
     let mut truth = Vec::new();
-    let stamps = mapped.stamps.iter().map(String::as_str);
+    let stamps = mapped.robots[0].stamps.iter().map(String::as_str);
     write_tum(&mut truth, stamps.zip(run.truth.iter().copied()))?;
     folder.write("truth.tum", &truth)?;
-    let pairs: Vec<_> = run.truth.iter().copied().zip(mapped.poses.iter().copied()).collect();
+    let pairs: Vec<_> = run.truth.iter().copied().zip(poses.iter().copied()).collect();
     let score = AteScore::new(&pairs).context("the demo recorded no scans")?;
     let odometry: Vec<_> = run
         .observations
@@ -43,7 +44,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
         .filter_map(|(seen, truth)| Some((*truth, seen.odom_from_base?)))
         .collect();
     let raw = AteScore::new(&odometry).context("the demo recorded no odometry")?;
-    let metrics = write_result(folder, "demo", &path, &mapped, &config, start)?;
+    let metrics = write_result(folder, &mapped, &config, start)?;
 
     let verdict = if score.trans_rmse_m <= GOOD_M { "good" } else { "NOT GOOD" };
     let text = format!(
@@ -54,7 +55,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
         score.rot_rmse_deg,
         raw.trans_rmse_m,
         raw.rot_rmse_deg,
-        where_to_look(&args.output),
+        where_to_look(&args.output, &metrics),
         args.output.display(),
     );
     let json = serde_json::json!({ "metrics": metrics, "ate": score, "odometry_ate": raw });

@@ -1,11 +1,13 @@
 use crate::Outcome;
 use crate::args::{Global, RenderArgs};
 use crate::atomic::PendingFile;
-use crate::commands::map::read_options;
 use crate::config::Config;
 use crate::drawing::occupancy;
+use crate::islands::title;
+use crate::mapping::read_options;
 use crate::reading::Reading;
 use crate::result_folder::METRICS;
+use crate::team::stem;
 use crate::terminal::{counted, print};
 use anyhow::{Context, Result, bail};
 use geometry::{Pose2, wrap_angle};
@@ -15,7 +17,7 @@ use rendering::{
     Annotations, OccupancyGrid, ScanView, Trajectory, map_png, map_svg, ros_map_pgm, ros_map_yaml,
 };
 use sensing::Scan;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Scans closer than this to the one drawn before add nothing, metres and radians.
@@ -87,8 +89,11 @@ fn draw(
     source: &Source,
     args: &RenderArgs,
 ) -> Result<Vec<u8>> {
-    let poses: Vec<Pose2> = source.poses.iter().map(|p| p.pose).collect();
-    let path = [Trajectory { name: &source.name, poses: &poses }];
+    let paths: Vec<Vec<Pose2>> = source.robots.iter().map(Robot::path).collect();
+    let robots = source.robots.iter().zip(&paths);
+    let path: Vec<Trajectory> =
+        robots.map(|(robot, poses)| Trajectory { name: &robot.name, poses }).collect();
+    let heading = source.title();
     let bare = Annotations {
         scale_bar: false,
         legend: false,
@@ -97,7 +102,7 @@ fn draw(
         ..Annotations::default()
     };
     let full = Annotations {
-        title: Some(&source.name),
+        title: Some(&heading),
         trajectories: &path,
         north_arrow: args.north,
         ..Annotations::default()
@@ -110,54 +115,136 @@ fn draw(
     })
 }
 
-/// A trajectory with the log it belongs to.
+/// Trajectories with the logs they belong to.
 struct Source {
+    robots: Vec<Robot>,
+    config: Config,
+    /// Index of the island to draw.
+    island: usize,
+}
+
+/// A trajectory with its log.
+struct Robot {
     name: String,
     poses: Vec<TumPose>,
     log: PathBuf,
-    config: Config,
-    /// Poses of the patches by the index of their scan.
-    patches: Option<HashMap<usize, Pose2>>,
+    /// Patches by the index of their scan; none for a trajectory that is not of a result folder.
+    patches: Option<BTreeMap<usize, PatchRow>>,
+    /// Which scans are on the island to draw.
+    drawn: Vec<bool>,
+}
+
+/// A patch as a result folder tells of it.
+#[derive(Clone, Copy)]
+struct PatchRow {
+    pose: Pose2,
+    /// Index of its island.
+    island: usize,
 }
 
 impl Source {
     fn find(args: &RenderArgs) -> Result<Self> {
         if args.source.is_dir() {
-            return Self::of_folder(&args.source, args.log.clone());
+            return Self::of_folder(&args.source, args);
         }
-        let Some(log) = args.log.clone() else {
-            bail!("a trajectory alone cannot be drawn; name its log with --log");
+        let [log] = &args.log[..] else {
+            bail!("a trajectory alone cannot be drawn; name its log, and only that, with --log");
         };
         let name = args.source.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let poses = open_tum(&args.source)?;
-        Ok(Source { name, poses, log, config: Config::default(), patches: None })
+        let drawn = vec![true; poses.len()];
+        let robot = Robot { name, poses, log: log.clone(), patches: None, drawn };
+        Ok(Source { robots: vec![robot], config: Config::default(), island: 0 })
     }
 
-    fn of_folder(folder: &Path, log: Option<PathBuf>) -> Result<Self> {
+    fn of_folder(folder: &Path, args: &RenderArgs) -> Result<Self> {
         let read = |name: &str| {
             let path = folder.join(name);
             std::fs::read_to_string(&path).with_context(|| {
                 format!("{}: cannot read; is this a result folder?", path.display())
             })
         };
-        let metrics: serde_json::Value = serde_json::from_str(&read(METRICS)?)
-            .with_context(|| format!("{}: not JSON", folder.join(METRICS).display()))?;
-        let told = metrics.pointer("/log/file").and_then(|v| v.as_str()).map(PathBuf::from);
-        let Some(log) = log.or_else(|| told.clone()) else {
-            bail!("{}: names no log; use --log", folder.join(METRICS).display());
+        let told = folder.join(METRICS).display().to_string();
+        let metrics: serde_json::Value =
+            serde_json::from_str(&read(METRICS)?).with_context(|| format!("{told}: not JSON"))?;
+        let text = |log: &serde_json::Value, name: &str| log[name].as_str().map(str::to_owned);
+        let logs = metrics["logs"].as_array().map_or(&[][..], Vec::as_slice);
+        let named = logs.iter().map(|log| Some((text(log, "robot")?, text(log, "file")?)));
+        let Some(named) = named.collect::<Option<Vec<_>>>().filter(|logs| !logs.is_empty()) else {
+            bail!("{told}: names no logs; map them again");
         };
-        let name = crate::commands::map::stem(&told.unwrap_or_else(|| log.clone()));
-        let poses = open_tum(&folder.join(format!("{name}.tum")))?;
         let config = Config::parse(&read("config.toml")?, "config.toml")?;
-        let patches = Some(read_patches(folder, &read("patches.csv")?)?);
-        Ok(Source { name, poses, log, config, patches })
+        let mut patches = read_patches(folder, &read("patches.csv")?, &named)?;
+        let island = args.island as usize - 1;
+        let islands = patches.iter().flat_map(BTreeMap::values).map(|p| p.island + 1).max();
+        if islands.is_none_or(|islands| island >= islands) {
+            bail!("{}: has {} islands", folder.display(), islands.unwrap_or_default());
+        }
+        let mut robots = Vec::new();
+        for (k, (name, file)) in named.iter().enumerate() {
+            let given = args.log.iter().find(|log| named.len() == 1 || stem(log) == *name);
+            let log = given.cloned().unwrap_or_else(|| PathBuf::from(file));
+            let poses = open_tum(&folder.join(format!("{name}.tum")))?;
+            let patches = std::mem::take(&mut patches[k]);
+            robots.push(Robot::on_island(name, poses, log, patches, island));
+        }
+        Ok(Source { robots, config, island })
     }
 
-    /// The scans to draw with their lasers' poses, and whether the log lost some.
+    /// The names of the robots that are drawn.
+    fn title(&self) -> String {
+        let drawn = self.robots.iter().filter(|robot| robot.is_drawn());
+        title(&drawn.map(|robot| robot.name.as_str()).collect::<Vec<_>>())
+    }
+
+    /// The scans to draw with their lasers' poses, and whether the logs lost some.
     fn read_scans(&self, config: &Config, all: bool) -> Result<(Vec<(Pose2, Scan)>, bool)> {
+        let (mut scans, mut lossy) = (Vec::new(), false);
+        for robot in self.robots.iter().filter(|robot| robot.is_drawn()) {
+            lossy |= robot.read_scans(self.island, config, all, &mut scans)?;
+        }
+        Ok((scans, lossy))
+    }
+}
+
+impl Robot {
+    /// A scan is on the island of the last patch before it, the first ones on that of the first
+    /// patch.
+    fn on_island(
+        name: &str,
+        poses: Vec<TumPose>,
+        log: PathBuf,
+        patches: BTreeMap<usize, PatchRow>,
+        island: usize,
+    ) -> Self {
+        let mut here = patches.values().next().is_some_and(|first| first.island == island);
+        let is_here = |scan: usize| {
+            here = patches.get(&scan).map_or(here, |patch| patch.island == island);
+            here
+        };
+        let drawn = (0..poses.len()).map(is_here).collect();
+        Robot { name: name.to_owned(), poses, log, patches: Some(patches), drawn }
+    }
+
+    fn is_drawn(&self) -> bool {
+        self.drawn.contains(&true)
+    }
+
+    fn path(&self) -> Vec<Pose2> {
+        let scans = self.poses.iter().zip(&self.drawn);
+        scans.filter(|(_, drawn)| **drawn).map(|(scan, _)| scan.pose).collect()
+    }
+
+    /// Adds the scans to draw with their lasers' poses; true when the log lost some.
+    fn read_scans(
+        &self,
+        island: usize,
+        config: &Config,
+        all: bool,
+        scans: &mut Vec<(Pose2, Scan)>,
+    ) -> Result<bool> {
         let file = LogFile::open(&self.log)?;
         let reading = Reading::of_file(file, &self.log, read_options(config), |record, _| record)?;
-        let mut scans = Vec::new();
         let mut last: Option<Pose2> = None;
         let mut count = 0;
         for (i, record) in reading.records().enumerate() {
@@ -170,8 +257,10 @@ impl Source {
                 );
             };
             let map_from_base = match &self.patches {
-                Some(patches) if !all => patches.get(&i).copied(),
-                _ => Some(pose.pose).filter(|pose| all || is_apart(last, pose)),
+                Some(patches) if !all => {
+                    patches.get(&i).filter(|patch| patch.island == island).map(|patch| patch.pose)
+                }
+                _ => Some(pose.pose).filter(|pose| self.drawn[i] && (all || is_apart(last, pose))),
             };
             let Some(map_from_base) = map_from_base else { continue };
             last = Some(map_from_base);
@@ -181,23 +270,42 @@ impl Source {
         if count != self.poses.len() {
             bail!("{} has {count} scans, the trajectory {}", self.log.display(), self.poses.len());
         }
-        Ok((scans, reading.finish()?.0.is_lossy()))
+        Ok(reading.finish()?.0.is_lossy())
     }
 }
 
-/// The patches' poses from the graph, by the index of the scan each patch was made of.
-fn read_patches(folder: &Path, csv: &str) -> Result<HashMap<usize, Pose2>> {
+/// Each robot's patches with their poses from the graph, by the index of the scan each was made of.
+fn read_patches(
+    folder: &Path,
+    csv: &str,
+    robots: &[(String, String)],
+) -> Result<Vec<BTreeMap<usize, PatchRow>>> {
     let Graph::Plane(graph) = open_g2o(&folder.join("graph.g2o"))?.graph else {
         bail!("{}: not in the plane", folder.join("graph.g2o").display());
     };
-    let parse = |line: &str| {
-        let mut fields = line.split(',');
-        let patch = fields.next()?.parse().ok()?;
-        Some((fields.next()?.parse().ok()?, *graph.pose(patch)?))
+    let mut patches = vec![BTreeMap::new(); robots.len()];
+    let mut parse = |line: &str| {
+        // A robot's name may hold commas.
+        let (front, island) = line.rsplit_once(',')?;
+        let mut fields = front.splitn(4, ',');
+        let pose = *graph.pose(fields.next()?.parse().ok()?)?;
+        let scan = fields.next()?.parse().ok()?;
+        let name = unquoted(fields.nth(1)?);
+        let robot = robots.iter().position(|(robot, _)| *robot == name)?;
+        let island = island.parse::<usize>().ok()?.checked_sub(1)?;
+        patches[robot].insert(scan, PatchRow { pose, island });
+        Some(())
     };
-    csv.lines().skip(1).map(parse).collect::<Option<_>>().with_context(|| {
+    csv.lines().skip(1).map(&mut parse).collect::<Option<()>>().with_context(|| {
         format!("{}: does not fit graph.g2o", folder.join("patches.csv").display())
-    })
+    })?;
+    Ok(patches)
+}
+
+/// A field of a CSV file without its quotes.
+fn unquoted(field: &str) -> String {
+    let inner = field.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+    inner.map_or_else(|| field.to_owned(), |inner| inner.replace("\"\"", "\""))
 }
 
 /// True when a pose is far enough from the last one drawn to add something.

@@ -85,8 +85,8 @@ fn every_scan_gets_a_pose_with_its_stamp_verbatim() {
     let written: Vec<_> = tum.lines().map(|l| l.split(' ').next().unwrap()).collect();
     assert_eq!(written, stamps);
     let metrics: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
-    assert_eq!(metrics["log"]["scans"], 120);
-    assert!(metrics["log"]["stamps_back"].as_u64().unwrap() > 20);
+    assert_eq!(metrics["logs"][0]["scans"], 120);
+    assert!(metrics["logs"][0]["stamps_back"].as_u64().unwrap() > 20);
     assert!(metrics["peak_memory_mib"].as_f64().is_none_or(|peak| peak > 1.0 && peak < 500.0));
     let stored: serde_json::Value =
         serde_json::from_slice(&read(scratch.at("out/metrics.json")).unwrap()).unwrap();
@@ -122,24 +122,42 @@ fn odometry_can_be_switched_off() {
 }
 
 #[test]
-fn several_logs_get_a_folder_each_and_older_results_are_replaced() {
+fn logs_mapped_separately_get_a_folder_each_and_older_results_are_replaced() {
     let scratch = Scratch::new("several");
     let (one, two) = (scratch.file("one.clf", short_log()), scratch.file("two.log", short_log()));
     for _ in 0..2 {
-        let ran = run(args!["map", "--json", &one, &two, "-o", scratch.at("out")]);
+        let ran = run(args!["map", "--separately", "--json", &one, &two, "-o", scratch.at("out")]);
         assert_eq!(ran.code, 0, "{}", ran.err);
         let metrics: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
         assert_eq!(metrics.as_array().unwrap().len(), 2);
         assert_eq!(names(&scratch.at("out")), ["one", "two"]);
     }
     let bad = scratch.file("bad.clf", "nothing\n");
-    let mixed = run(args!["map", "--json", &bad, &one, "-o", scratch.at("mixed")]);
+    let mixed = run(args!["map", "--separately", "--json", &bad, &one, "-o", scratch.at("mixed")]);
     assert!(mixed.code == 1 && mixed.err.contains("bad.clf: no scan"), "{}", mixed.err);
     assert_eq!(names(&scratch.at("mixed")), ["one"], "one bad log costs the others nothing");
     let metrics: serde_json::Value = serde_json::from_str(&mixed.out).unwrap();
     assert_eq!(metrics.as_array().unwrap().len(), 1);
     let twice = run(args!["map", &one, &one, "-o", scratch.at("twice")]);
-    assert!(twice.code == 1 && twice.err.contains("two logs of this name"), "{}", twice.err);
+    assert!(twice.code == 1 && twice.err.contains("two logs"), "{}", twice.err);
+}
+
+/// Several robots give one result, whatever the order of their logs and the number of threads.
+#[test]
+fn several_robots_give_one_result_in_any_order() {
+    let scratch = Scratch::new("team");
+    let (one, two) = (scratch.file("one.clf", short_log()), scratch.file("two.log", short_log()));
+    let (first, second) = (scratch.at("first"), scratch.at("second"));
+    let ran = run(args!["map", "--threads", "1", &one, &two, "-o", &first]);
+    assert_eq!(ran.code, 0, "{}", ran.err);
+    assert_eq!(run(args!["map", "--threads", "2", &two, &one, "-o", &second]).code, 0);
+    for file in ["one.tum", "two.tum", "graph.g2o", "map.png", "patches.csv"] {
+        assert_eq!(read(first.join(file)).unwrap(), read(second.join(file)).unwrap(), "{file}");
+    }
+    let metrics: serde_json::Value =
+        serde_json::from_slice(&read(first.join("metrics.json")).unwrap()).unwrap();
+    assert_eq!(metrics["logs"].as_array().unwrap().len(), 2);
+    assert!(!metrics["islands"].as_array().unwrap().is_empty());
 }
 
 #[test]

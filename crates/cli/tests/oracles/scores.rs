@@ -82,3 +82,35 @@ fn scores_refuse_what_cannot_be_compared() {
     let ran = run(args!["eval", "ate", "--truth", &traj, "--traj", &broken]);
     assert!(ran.code == 1 && ran.err.contains("broken.tum:2: field 2"), "{}", ran.err);
 }
+
+#[test]
+fn relations_are_scored_within_and_across_trajectories() {
+    let scratch = Scratch::new("across");
+    let (traj, relations) = made_up(&scratch, 40, 0);
+    let text = std::fs::read_to_string(&traj).unwrap();
+    let lines: Vec<&str> = text.lines().skip(1).collect();
+    let part = |range: std::ops::Range<usize>| lines[range].join("\n");
+    let (a, b) = (scratch.file("a.tum", part(0..25)), scratch.file("b.tum", part(15..40)));
+    let score = |more: &[std::ffi::OsString]| {
+        let common = args!["eval", "relations", "--json", "--relations", &relations, "--traj"];
+        let ran = run(common.iter().chain(more));
+        assert_eq!(ran.code, 0, "{}", ran.err);
+        serde_json::from_str::<serde_json::Value>(&ran.out).unwrap()
+    };
+    let team = score(&args![&a, &b]);
+    // In one frame the robots' poses are the single trajectory's.
+    assert_eq!(team, score(&args![&traj, "--across-of", &a, &b]));
+    let count = |group: &str, what: &str| team[group][what].as_u64().unwrap();
+    assert_eq!(count("all", "used"), 40);
+    let measured = |group| count(group, "measurements");
+    assert_eq!(measured("all"), measured("within") + measured("across"));
+    let holds = |i: usize| [i < 25, i >= 15];
+    let pairs = (0..40).flat_map(|i| [(i, 0, 1), (i, 1, 0)]);
+    let across =
+        pairs.filter(|&(i, from, to)| holds(i)[from] && holds((i * 7 + 3) % 40)[to]).count();
+    assert_eq!(measured("across"), across as u64);
+    let two = args![&a, &b, "--across-of", &a, &b];
+    let common = args!["eval", "relations", "--relations", &relations, "--traj"];
+    let ran = run(common.iter().chain(&two));
+    assert!(ran.code == 1 && ran.err.contains("a single file"), "{}", ran.err);
+}

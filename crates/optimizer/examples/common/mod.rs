@@ -1,7 +1,10 @@
 //! CPU time, truth files and the absolute trajectory error.
 
+// No example uses all of it.
+#![allow(dead_code)]
+
 use geometry::Pose2;
-use manifoldslam_optimizer::PoseGraph;
+use manifoldslam_optimizer::{Optimizer, OptimizerError, PoseGraph};
 use std::path::Path;
 use std::time::Instant;
 
@@ -72,4 +75,19 @@ pub fn ate(reference: &[Pose2], estimate: &[Pose2]) -> f64 {
         })
         .sum();
     (squares / n).sqrt()
+}
+
+/// Root mean square of the positions' marginal standard deviations, metres, scaled by the graph's
+/// a-posteriori variance factor.
+pub fn own_uncertainty(
+    graph: &PoseGraph<Pose2, 3>,
+    optimizer: &mut Optimizer<Pose2, 3>,
+) -> Result<f64, OptimizerError> {
+    let ids: Vec<u64> = graph.nodes().iter().map(|node| node.id).collect();
+    let marginals = optimizer.marginals(graph, &ids)?;
+    let variances = ids.iter().filter_map(|&id| marginals.covariance(id, id));
+    let sum: f64 = variances.map(|c| c[(0, 0)] + c[(1, 1)]).sum();
+    let freedom = 3 * (graph.edges().len() + 1 - ids.len());
+    let variance_factor = graph.chi2() / freedom as f64;
+    Ok((variance_factor * sum / ids.len() as f64).sqrt())
 }

@@ -9,4 +9,5 @@ mod marginals;
 mod robust;
 mod shared;
 mod solver;
+mod team;
 mod walks;

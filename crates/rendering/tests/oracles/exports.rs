@@ -1,7 +1,7 @@
 use geometry::{Pose2, Vector2};
 use manifoldslam_rendering::{
-    Annotations, Cell, ClosureMark, GridFrame, OccupancyGrid, Report, Trajectory, map_svg,
-    ros_map_pgm, ros_map_yaml, wall_outlines,
+    Annotations, Cell, ClosureMark, GridFrame, MarkKind, OccupancyGrid, Report, Trajectory,
+    map_svg, ros_map_pgm, ros_map_yaml, wall_outlines,
 };
 use proptest::prelude::*;
 use serde_json::json;
@@ -95,9 +95,8 @@ fn a_block_becomes_a_rectangle() {
 fn decorated() -> (OccupancyGrid, Vec<Pose2>, Vec<ClosureMark>) {
     let cells = (0..120).map(|i| if i % 12 == 5 { Cell::Occupied } else { Cell::Free }).collect();
     let poses = vec![Pose2::new(-2.0, 3.0, 0.0), Pose2::new(-1.0, 4.0, 0.0)];
-    let mark =
-        |accepted| ClosureMark { from: Vector2::new(-2.0, 3.0), to: Vector2::zeros(), accepted };
-    (grid_of(12, 10, cells), poses, vec![mark(true), mark(false)])
+    let mark = |kind| ClosureMark { from: Vector2::new(-2.0, 3.0), to: Vector2::zeros(), kind };
+    (grid_of(12, 10, cells), poses, MarkKind::ALL.map(mark).to_vec())
 }
 
 /// Every tag that opens closes, in order; returns the names seen.
@@ -138,7 +137,8 @@ fn svg_is_metric_and_well_formed() {
     assert!(svg.contains("M-2 -3L-1 -4"), "the path, y up: {svg}");
     assert!(svg.contains("&lt;robot &amp; &quot;co&quot;&gt;"));
     let tags = check_tags(&svg, &[]);
-    assert_eq!(tags.iter().filter(|t| *t == "circle").count(), 3);
+    // The start, two patches, and both ends of a landmark closure, a merge and a rendezvous.
+    assert_eq!(tags.iter().filter(|t| *t == "circle").count(), 3 + 6);
 }
 
 #[test]
@@ -171,5 +171,7 @@ fn reports_are_whole_safe_and_alone() {
     assert!(html.contains("data:image/png;base64,iVBORw0KGgo"));
     assert!(html.contains("<td class=\"number\">1.23457</td>"), "six digits");
     assert!(html.contains("<th>time, s</th>"), "units");
-    assert!(html.contains("1 closures rejected"));
+    for kind in MarkKind::ALL {
+        assert!(html.contains(&format!("{}: 1", kind.name())), "{kind:?} has a box");
+    }
 }

@@ -1,7 +1,7 @@
 use crate::worlds::{grid, recorded, views, with_threads};
 use geometry::{Pose2, Vector2};
 use manifoldslam_rendering::{
-    Annotations, Cell, ClosureMark, GridFrame, OccupancyGrid, Trajectory, map_png,
+    Annotations, Cell, ClosureMark, GridFrame, MarkKind, OccupancyGrid, Trajectory, map_png,
 };
 
 struct Image {
@@ -90,9 +90,9 @@ fn legends_name_what_is_drawn() {
     let closure = ClosureMark {
         from: Vector2::new(30.0, 60.25),
         to: Vector2::new(90.0, 60.25),
-        accepted: true,
+        kind: MarkKind::Closure,
     };
-    let closures = [closure, ClosureMark { accepted: false, ..closure }];
+    let closures = [closure, ClosureMark { kind: MarkKind::Rejected, ..closure }];
     let all = Annotations {
         title: Some("A title \u{2013} with \u{1f600} and \n control"),
         trajectories: &trajectories,
@@ -121,7 +121,7 @@ fn wild_annotations_are_harmless() {
         [f64::NAN, f64::INFINITY, 1e300, -1e9, 3.0, 1e9, -0.0].map(wild).to_vec();
     let trajectories = [Trajectory { name: "\u{0}\u{fffd}", poses: &poses }];
     let far = Vector2::repeat(1e12);
-    let closures = [true, false].map(|accepted| ClosureMark { from: -far, to: far, accepted });
+    let closures = MarkKind::ALL.map(|kind| ClosureMark { from: -far, to: far, kind });
     let annotations = Annotations {
         title: Some(""),
         trajectories: &trajectories,

@@ -33,9 +33,8 @@ impl Score {
             let members = levels.members.iter();
             members.filter(|m| driven.on_floor(patch_scans[m.patch.index()]))
         };
-        let closures = || {
-            manifold.active_relations().filter(|r| r.provenance != Provenance::Sequential)
-        };
+        let closures =
+            || manifold.active_relations().filter(|r| r.provenance != Provenance::Sequential);
         let off = |m: &manifold::LevelMember| {
             let first = driven.heights_m[0];
             let height = manifold.patch(m.patch).elevation.map_or(0.0, |e| e.height_m);
@@ -47,10 +46,7 @@ impl Score {
         Score {
             levels: levels.heights_m.len(),
             islands: islands.len(),
-            floors_right: share(
-                floors().filter(right).count(),
-                floors().count(),
-            ),
+            floors_right: share(floors().filter(right).count(), floors().count()),
             all_right: share(levels.members.iter().filter(right).count(), members),
             closures: closures().count(),
             crossing: closures()

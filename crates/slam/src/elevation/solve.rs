@@ -47,8 +47,7 @@ pub(crate) fn along_best_path(start: PatchId, rises: &[Rise], heights: &mut [Opt
         adjacent[rise.to].push((index, -1.0));
     }
     let patch = start.index();
-    let first =
-        Reached { variance_m2: 0.0, noise_m2: 0.0, distance_m: 0.0, height_m: 0.0, patch };
+    let first = Reached { variance_m2: 0.0, noise_m2: 0.0, distance_m: 0.0, height_m: 0.0, patch };
     let mut queue = BinaryHeap::from([first]);
     while let Some(here) = queue.pop() {
         if heights[here.patch].is_some() {
@@ -83,10 +82,8 @@ pub(crate) fn least_squares(rises: &[Rise], robots: usize, heights: &mut [Option
     values.resize(heights.len() + robots, 0.0);
     // Along best paths every island's first patch is exactly known.
     let anchored = |h: &Option<Elevation>| h.is_none_or(|h| h.variance_m2 == 0.0);
-    let mut prior: Vec<f64> = heights
-        .iter()
-        .map(|h| if anchored(h) { ANCHOR_STD_M.powi(-2) } else { 0.0 })
-        .collect();
+    let mut prior: Vec<f64> =
+        heights.iter().map(|h| if anchored(h) { ANCHOR_STD_M.powi(-2) } else { 0.0 }).collect();
     prior.resize(values.len(), BIAS_STD_RAD.powi(-2));
     let bias_of = heights.len();
     for _ in 0..ROUNDS {
@@ -157,8 +154,7 @@ impl System<'_> {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let inverse: Vec<f64> =
             self.diagonal().iter().map(|d| if *d > 0.0 { d.recip() } else { 0.0 }).collect();
-        let scaled =
-            |r: &[f64]| r.iter().zip(&inverse).map(|(r, i)| r * i).collect::<Vec<f64>>();
+        let scaled = |r: &[f64]| r.iter().zip(&inverse).map(|(r, i)| r * i).collect::<Vec<f64>>();
         let mut residual = self.product(values);
         residual.iter_mut().for_each(|r| *r = -*r);
         for (rise, weight) in self.rises.iter().zip(&self.weights) {

@@ -9,14 +9,18 @@ mod verification;
 
 use crate::SlamConfig;
 use crate::map::Map;
-use candidates::{Candidate, Candidates};
+use candidates::Candidates;
 use consistency::PendingClosures;
 use geometry::Pose2;
 use manifold::PatchId;
 use matching::MatchResult;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use verification::Verifier;
+use std::ops::Add;
+
+pub(crate) use candidates::{Candidate, SearchArea};
+pub(crate) use signature::{Signature, signature_of};
+pub(crate) use verification::Verifier;
 
 /// Loop closing by geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -148,6 +152,26 @@ pub struct ClosingStatistics {
     pub unsupported: usize,
     /// Consistent sets that were not accepted because one of their queries fits elsewhere as well.
     pub rivalled: usize,
+}
+
+impl Add for ClosingStatistics {
+    type Output = ClosingStatistics;
+
+    fn add(self, other: ClosingStatistics) -> ClosingStatistics {
+        ClosingStatistics {
+            tried: self.tried + other.tried,
+            accepted: self.accepted + other.accepted,
+            retracted: self.retracted + other.retracted,
+            not_found: self.not_found + other.not_found,
+            ambiguous: self.ambiguous + other.ambiguous,
+            poor_fit: self.poor_fit + other.poor_fit,
+            seen_through: self.seen_through + other.seen_through,
+            implausible: self.implausible + other.implausible,
+            degenerate: self.degenerate + other.degenerate,
+            unsupported: self.unsupported + other.unsupported,
+            rivalled: self.rivalled + other.rivalled,
+        }
+    }
 }
 
 impl ClosingStatistics {

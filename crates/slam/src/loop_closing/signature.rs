@@ -15,6 +15,14 @@ const HARMONICS: usize = 5;
 pub(crate) struct Signature([[f32; HARMONICS]; RINGS]);
 
 impl Signature {
+    /// Number of values.
+    pub const VALUES: usize = RINGS * HARMONICS;
+
+    /// The values, ring by ring: magnitudes, of unit norm together.
+    pub fn values(&self) -> [f32; Self::VALUES] {
+        std::array::from_fn(|i| self.0[i / HARMONICS][i % HARMONICS])
+    }
+
     /// Euclidean distance between two signatures, 0 to about 2.
     pub fn distance(&self, other: &Signature) -> f64 {
         let pairs = self.0.iter().flatten().zip(other.0.iter().flatten());

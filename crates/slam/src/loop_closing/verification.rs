@@ -74,6 +74,33 @@ impl Verifier {
         Ok(closure)
     }
 
+    /// Largest share of sight lines that pass through the other's walls, beyond what its own do,
+    /// when a query is at a pose seen from a place: of the query's through the place's submap, and
+    /// of the place's through the query's. The pose is refined first.
+    pub fn contradiction(
+        &mut self,
+        query: PatchId,
+        place: PatchId,
+        place_from_query: &Pose2,
+        map: &Map,
+    ) -> f64 {
+        let surroundings = self.surroundings(query, map);
+        self.submap.rebuild(map, place, &self.limits, 1.0);
+        let refined = self.refine(&surroundings, place_from_query);
+        let pose = if refined.status.is_usable() && is_near(&refined.pose, place_from_query) {
+            refined.pose
+        } else {
+            *place_from_query
+        };
+        let beyond = |verifier: &Self, guest: PatchId, host: PatchId, pose: &Pose2| {
+            verifier.seen_through(guest, pose, map)
+                - verifier.seen_through(host, &Pose2::IDENTITY, map)
+        };
+        let there = beyond(self, query, place, &pose);
+        self.submap.rebuild(map, query, &self.limits, 1.0);
+        there.max(beyond(self, place, query, &pose.inverse()))
+    }
+
     /// Poses seen from the candidate where the query fits to a share of `enough` at least, and
     /// looks through no walls.
     pub fn possible(
@@ -186,6 +213,12 @@ impl Verifier {
     fn refine(&self, surroundings: &[LinePoint], pose: &Pose2) -> MatchResult {
         self.matcher.align(&self.submap.field, surroundings, &Prior::guess(*pose))
     }
+}
+
+/// True when a refinement went no farther than the surroundings may be bent.
+fn is_near(refined: &Pose2, start: &Pose2) -> bool {
+    let moved = start.between(refined);
+    moved.norm() < 0.5 && moved.yaw.abs() < 0.1
 }
 
 /// The surfaces of `members`, one point in each square of side `cell_m`, ordered by square.

@@ -11,7 +11,8 @@ use std::collections::VecDeque;
 ///
 /// The error is pushed to the far side of each loop, over half its length; kept for comparison with
 /// the global refit. Without closures nothing changes.
-pub(crate) fn refit_breadth_first(map: &mut Map, matcher: &FastMatcher, config: &SlamConfig) {
+pub(crate) fn refit_breadth_first(map: &mut Map, config: &SlamConfig) {
+    let matcher = FastMatcher { settings: config.matcher };
     let mut placed: Vec<Option<Pose2>> = vec![None; map.manifold.patches().len()];
     let mut frontier = VecDeque::new();
     let closures: Vec<_> = map

@@ -1,21 +1,26 @@
 //! The global refit: all poses re-estimated from everything that is known.
 
 mod breadth_first;
+mod graphs;
 mod overlaps;
 mod relocalise;
 mod smoother;
 
-pub(crate) use breadth_first::refit_breadth_first;
 pub(crate) use relocalise::relocalise;
 
 use crate::SlamConfig;
+use crate::elevation::estimate_elevations;
 use crate::map::Map;
+use breadth_first::refit_breadth_first;
 use geometry::{LieGroup, Matrix3, Pose2};
-use manifold::{PatchId, Provenance, Relation, RelationId, Retraction};
+use graphs::IslandGraphs;
+use manifold::{PatchId, Relation, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
-use optimizer::{Edge, EdgeKind, Kernel, PoseGraph, Report, Settings, optimize};
+use optimizer::{Edge, EdgeKind, Kernel, Settings};
 use overlaps::{Overlap, measure_overlaps};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Which refit runs at the end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,21 +88,16 @@ impl Default for RefitSettings {
 /// Re-estimates all patch poses from the relations of the run. Closures that turn out to contradict
 /// the rest are retracted; returns them.
 pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
-    let mut graph = graph_of(map);
-    let mut closures = Vec::new();
-    for relation in map.manifold.active_relations() {
-        let edge = relation_edge(relation, 1.0);
-        if let Ok(index) = graph.add_edge(edge)
-            && relation.provenance != Provenance::Sequential
-        {
-            closures.push((index, relation.id));
-        }
-    }
-    let report = solve(&mut graph, map, config);
-    let Some(report) = report else { return Vec::new() };
+    let islands = map.manifold.component_map();
+    let mut graphs = IslandGraphs::new(map, &islands);
+    let closures = graphs.add_relations(map, |_| 1.0);
+    let reports = graphs.solve(map, &config.refit.quickly());
+    let weight = |(island, edge): (usize, usize)| {
+        reports[island].as_ref().map_or(1.0, |report| report.weights[edge])
+    };
     let contradicted: Vec<RelationId> = closures
         .into_iter()
-        .filter(|(edge, _)| report.weights[*edge] < CONTRADICTED_WEIGHT)
+        .filter(|(place, _)| weight(*place) < CONTRADICTED_WEIGHT)
         .map(|(_, id)| id)
         .collect();
     for &id in &contradicted {
@@ -109,36 +109,84 @@ pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<Rela
 /// Cauchy weight of a closure seven standard deviations off, at a scale of three.
 const CONTRADICTED_WEIGHT: f64 = 0.15;
 
+/// Places all patches anew from nothing but the relations that hold: every island in the frame of
+/// its first patch, from the fewest relations to each patch, then optimised until nothing moves.
+///
+/// The poses are a function of the relations: how the map came about, what was believed meanwhile
+/// and what has been taken back leaves no trace.
+pub(crate) fn settle(map: &mut Map, config: &SlamConfig) {
+    let islands = map.manifold.component_map();
+    let placed = islands.members.par_iter().flat_map_iter(|island| laid_out(map, island[0]));
+    let placed: Vec<(PatchId, Pose2)> = placed.collect();
+    map.manifold.refit(placed);
+    let mut graphs = IslandGraphs::new(map, &islands);
+    graphs.add_relations(map, |_| 1.0);
+    graphs.solve(map, &config.refit.strictly());
+    estimate_elevations(map);
+}
+
+/// The patches of an island in the frame of one of them, each by the fewest relations.
+fn laid_out(map: &Map, first: PatchId) -> Vec<(PatchId, Pose2)> {
+    let mut placed = vec![(first, Pose2::IDENTITY)];
+    let mut seen = BTreeSet::from([first]);
+    let mut next = 0;
+    while let Some(&(patch, pose)) = placed.get(next) {
+        next += 1;
+        for (other, step) in map.manifold.neighbours(patch) {
+            if seen.insert(other) {
+                placed.push((other, pose * step.mean));
+            }
+        }
+    }
+    placed
+}
+
+/// Of some relations between patches of one island those that graduated non-convexity finds to
+/// contradict the rest. The island's patches move to where the others have them.
+pub(crate) fn doubt_relations(map: &mut Map, doubted: &[RelationId]) -> Vec<RelationId> {
+    let Some(&first) = doubted.first() else { return Vec::new() };
+    let islands = map.manifold.component_map();
+    let island = islands.of(map.manifold.relation(first).from);
+    graphs::doubt(map, &islands.members[island], doubted)
+}
+
+/// The refit that is configured; how many overlaps it measured.
+pub(crate) fn refit(map: &mut Map, config: &SlamConfig) -> usize {
+    match config.refit.method {
+        RefitMethod::Global => refit_globally(map, config),
+        RefitMethod::BreadthFirst => {
+            refit_breadth_first(map, config);
+            0
+        }
+        RefitMethod::Relations => 0,
+    }
+}
+
 /// The global pass: measure how all overlapping patches fit, re-estimate all poses, repeat with a
 /// narrower kernel. Relations of the run keep the map together where nothing overlaps; odometry
 /// keeps it straight along walls without features.
-pub(crate) fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
+fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
     let matcher = &config.refit_matcher();
     let settings = &config.refit;
+    let islands = map.manifold.component_map();
     let mut measured = 0;
     for round in 0..settings.rounds {
         let shrink = 0.6f64.powi(round as i32);
         let kernel = (settings.kernel_start_m * shrink).max(settings.kernel_end_m);
-        let overlaps = measure_overlaps(map, matcher, config, kernel as f32);
+        let overlaps = measure_overlaps(map, &islands, matcher, config, kernel as f32);
         measured += overlaps.len();
-        let mut graph = graph_of(map);
-        for relation in map.manifold.active_relations() {
-            // Beside a ramp's walls overlaps tell little, and at its ends nothing.
-            let level = map.is_level(relation.from) && map.is_level(relation.to);
-            let share = if level { RELATION_SHARE } else { 1.0 };
-            let _ = graph.add_edge(relation_edge(relation, share));
-        }
+        let mut graphs = IslandGraphs::new(map, &islands);
+        graphs.add_relations(map, |r| relation_share(map, r));
         for way in map.manifold.ways() {
             let Some(motion) = way.motion else { continue };
             let information = motion.covariance.try_inverse().unwrap_or_else(Matrix3::zeros);
             let (from, to) = (way.from.0.into(), way.to.0.into());
-            let _ =
-                graph.add_edge(Edge::new(from, to, motion.mean, information, EdgeKind::Closure));
+            graphs.add(Edge::new(from, to, motion.mean, information, EdgeKind::Closure));
         }
         for overlap in &overlaps {
-            let _ = graph.add_edge(overlap.edge());
+            graphs.add(overlap.edge());
         }
-        solve(&mut graph, map, config);
+        graphs.solve(map, &settings.quickly());
     }
     measured
 }
@@ -146,36 +194,28 @@ pub(crate) fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
 /// Relations of the run see what overlaps see; beside them they only count this much.
 const RELATION_SHARE: f64 = 0.01;
 
-fn graph_of(map: &Map) -> PoseGraph<Pose2, 3> {
-    let mut graph = PoseGraph::new();
-    for patch in map.manifold.patches() {
-        // Ids are unique by construction.
-        let _ = graph.add_node(patch.id.0.into(), patch.island_from_patch);
+/// How much of a relation counts beside overlaps: beside a ramp's walls overlaps tell little, and
+/// at its ends nothing.
+fn relation_share(map: &Map, relation: &Relation) -> f64 {
+    let level = map.is_level(relation.from) && map.is_level(relation.to);
+    if level { RELATION_SHARE } else { 1.0 }
+}
+
+impl RefitSettings {
+    /// How poses are optimised on the way: far better than they are known.
+    fn quickly(&self) -> Settings {
+        Settings {
+            kernel: Kernel::Cauchy { scale: self.outlier_sigmas },
+            max_iterations: 20,
+            relative_tolerance: 1e-4,
+            ..Settings::default()
+        }
     }
-    graph
-}
 
-fn relation_edge(relation: &Relation, share: f64) -> Edge<Pose2, 3> {
-    let kind = match relation.provenance {
-        Provenance::Sequential => EdgeKind::Sequential,
-        _ => EdgeKind::Closure,
-    };
-    let gaussian = &relation.from_from_to;
-    let information = gaussian.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) * share;
-    Edge::new(relation.from.0.into(), relation.to.0.into(), gaussian.mean, information, kind)
-}
-
-fn solve(graph: &mut PoseGraph<Pose2, 3>, map: &mut Map, config: &SlamConfig) -> Option<Report> {
-    let settings = Settings {
-        kernel: Kernel::Cauchy { scale: config.refit.outlier_sigmas },
-        max_iterations: 20,
-        relative_tolerance: 1e-4,
-        ..Settings::default()
-    };
-    let report = optimize(graph, &settings).ok()?;
-    let poses = graph.nodes().iter().map(|n| (PatchId(n.id as u32), n.pose)).collect();
-    map.manifold.refit(poses);
-    Some(report)
+    /// How poses are optimised where the answer must not depend on the start.
+    fn strictly(&self) -> Settings {
+        Settings { max_iterations: 100, relative_tolerance: 1e-12, ..self.quickly() }
+    }
 }
 
 impl SlamConfig {

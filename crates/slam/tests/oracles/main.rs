@@ -8,3 +8,4 @@ mod faults;
 mod replay;
 mod runs;
 mod standing_still;
+mod team;

@@ -33,12 +33,7 @@ impl Building {
         Building { width, ramp_end, north, ascent: spec.ascent }
     }
 
-    pub fn world(
-        &self,
-        spec: &Storeys,
-        way: &[(f64, f64)],
-        rng: &mut StdRng,
-    ) -> SolidWorld {
+    pub fn world(&self, spec: &Storeys, way: &[(f64, f64)], rng: &mut StdRng) -> SolidWorld {
         SolidWorld::new(self.plan(way, rng), self.grounds(spec))
     }
 
@@ -48,12 +43,17 @@ impl Building {
         let mut plan = FloorPlan::new();
         plan.rectangle((0.0, 0.0), (w, self.north));
         let ramp_doors = [(0.9, 1.2), (w - 2.1, 1.2)];
-        let doors = if self.ascent == Ascent::Straight { &ramp_doors[..] } else { &ramp_doors[..1] };
+        let doors =
+            if self.ascent == Ascent::Straight { &ramp_doors[..] } else { &ramp_doors[..1] };
         plan.partition((0.0, DEPTH), (w, DEPTH), doors);
         if self.ascent == Ascent::Turning {
             let y = DEPTH + LANE + 0.5 * WALL;
             plan.partition((LANDING, y), (self.ramp_end, y), &[]);
-            plan.partition((self.ramp_end + LANDING, DEPTH), (self.ramp_end + LANDING, self.north), &[]);
+            plan.partition(
+                (self.ramp_end + LANDING, DEPTH),
+                (self.ramp_end + LANDING, self.north),
+                &[],
+            );
         }
         let third = w / 3.0;
         let room_doors = [(0.4 * third, 0.9), (1.6 * third, 1.0), (2.3 * third, 0.9)];
@@ -80,8 +80,7 @@ impl Building {
         let landings = |height: f64| {
             let main = Ground::level((0.0, 0.0), (self.width, DEPTH), height);
             let west = Ground::level((0.0, DEPTH), (LANDING, self.north), height);
-            let east =
-                Ground::level((self.ramp_end, DEPTH), (self.width, self.north), height);
+            let east = Ground::level((self.ramp_end, DEPTH), (self.width, self.north), height);
             [main, west, east]
         };
         for storey in 0..=spec.storeys {

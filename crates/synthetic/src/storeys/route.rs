@@ -92,6 +92,13 @@ impl Building {
     /// From the first lane's end around the landing and up the second lane.
     fn turned(&self, end: f64) -> Vec<Point> {
         let (first, second) = (self.first_lane(), self.second_lane());
-        vec![(end, first), (end, second), (LANDING, second), (1.5, second), (1.5, first), (1.5, 12.0)]
+        vec![
+            (end, first),
+            (end, second),
+            (LANDING, second),
+            (1.5, second),
+            (1.5, first),
+            (1.5, 12.0),
+        ]
     }
 }

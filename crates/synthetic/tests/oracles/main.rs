@@ -1,6 +1,8 @@
 //! Oracles for the synthetic worlds: fast against exhaustive ray casting, noise against its own
 //! statistics, robots against walls, written logs against what they were written from.
 
+mod teams;
+
 use geometry::{LieGroup, Pose2, Vector2};
 use manifoldslam_synthetic as synthetic;
 use rand::{Rng, SeedableRng, rngs::StdRng};

@@ -1,0 +1,85 @@
+use manifold::{Manifold, PatchId};
+use std::cmp::Reverse;
+
+/// Robots that a title names; of more it tells the number.
+const NAMED: usize = 4;
+
+/// The connected maps, largest first, as every file numbers them.
+#[derive(Clone, Debug, Default)]
+pub struct IslandList {
+    /// The islands; of equal ones the one with the older patch comes first.
+    pub islands: Vec<Island>,
+    /// For each patch the index of its island.
+    of: Vec<usize>,
+}
+
+/// A connected map.
+#[derive(Clone, Debug)]
+pub struct Island {
+    /// Its patches, sorted.
+    pub patches: Vec<PatchId>,
+    /// Names of the robots with a patch on it, in the team's order.
+    pub robots: Vec<String>,
+}
+
+impl IslandList {
+    /// The islands of a map.
+    pub fn of(manifold: &Manifold) -> Self {
+        let mut members = manifold.islands();
+        members.sort_by_key(|patches| (Reverse(patches.len()), patches[0]));
+        let mut of = vec![0; manifold.patches().len()];
+        for (k, patches) in members.iter().enumerate() {
+            patches.iter().for_each(|patch| of[patch.index()] = k);
+        }
+        let island = |patches: Vec<PatchId>| {
+            let mut robots: Vec<_> = patches.iter().map(|id| manifold.patch(*id).robot).collect();
+            robots.sort_unstable();
+            robots.dedup();
+            let name = |r: &sensing::RobotId| manifold.robots()[usize::from(r.0)].name.to_string();
+            Island { robots: robots.iter().map(name).collect(), patches }
+        };
+        IslandList { islands: members.into_iter().map(island).collect(), of }
+    }
+
+    /// The index of a patch's island.
+    pub fn index(&self, patch: PatchId) -> usize {
+        self.of[patch.index()]
+    }
+}
+
+/// The file of an island's map: `map.png` for the first, `map-2.png` for the second.
+pub fn map_file(island: usize, ending: &str) -> String {
+    match island {
+        0 => format!("map.{ending}"),
+        k => format!("map-{}.{ending}", k + 1),
+    }
+}
+
+/// Robots' names as a title has room for them.
+pub fn title(robots: &[impl AsRef<str>]) -> String {
+    let names: Vec<&str> = robots.iter().map(AsRef::as_ref).collect();
+    if names.len() <= NAMED {
+        return names.join(", ");
+    }
+    format!("{} and {} more", names[..NAMED - 1].join(", "), names.len() - NAMED + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn titles_stay_short() {
+        assert_eq!(title(&["a"]), "a");
+        assert_eq!(title(&["a", "b", "c", "d"]), "a, b, c, d");
+        assert_eq!(title(&["a", "b", "c", "d", "e"]), "a, b, c and 2 more");
+    }
+
+    #[test]
+    fn the_first_map_has_no_number() {
+        assert_eq!(
+            (map_file(0, "png"), map_file(1, "pgm")),
+            ("map.png".into(), "map-2.pgm".into())
+        );
+    }
+}

@@ -1,0 +1,134 @@
+use crate::config::Config;
+use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
+use crate::islands::{map_file, title};
+use crate::mapping::pose_graph;
+use crate::metrics::Metrics;
+use crate::report::report;
+use crate::result_folder::{METRICS, ResultFolder};
+use crate::team::MappedTeam;
+use anyhow::Result;
+use geometry::Pose2;
+use logs::write_tum;
+use rendering::{
+    Annotations, ClosureMark, OccupancyGrid, Trajectory, map_png, ros_map_pgm, ros_map_yaml,
+};
+use std::fmt::Write;
+use std::time::Instant;
+
+/// An island as it is drawn.
+pub struct Drawn {
+    /// What stands above it.
+    pub title: String,
+    /// Walls and free space.
+    pub grid: OccupancyGrid,
+    /// Robots' paths on it; empty ones keep the colours apart.
+    pub paths: Vec<Vec<Pose2>>,
+    /// Its patches.
+    pub patches: Vec<Pose2>,
+    /// What joins them.
+    pub marks: Vec<ClosureMark>,
+}
+
+impl Drawn {
+    fn new(mapped: &MappedTeam, island: usize, config: &Config) -> Result<Self> {
+        let manifold = mapped.team.manifold();
+        let members = &mapped.islands.islands[island];
+        let views = patch_views(manifold, &members.patches);
+        let pose = |id: &manifold::PatchId| manifold.patch(*id).island_from_patch;
+        Ok(Drawn {
+            title: title(&members.robots),
+            grid: occupancy_that_fits(&views, config.map)?,
+            paths: mapped.paths_on(island),
+            patches: members.patches.iter().map(pose).collect(),
+            marks: closure_marks(manifold, &mapped.islands, island),
+        })
+    }
+
+    /// The paths with the robots' names.
+    pub fn trajectories<'a>(&'a self, mapped: &'a MappedTeam) -> Vec<Trajectory<'a>> {
+        let robots = mapped.robots.iter().zip(&self.paths);
+        robots.map(|(robot, poses)| Trajectory { name: &robot.name, poses }).collect()
+    }
+}
+
+/// Writes everything a result folder holds and gives it its name.
+pub fn write_result(
+    folder: ResultFolder,
+    mapped: &MappedTeam,
+    config: &Config,
+    start: Instant,
+) -> Result<Metrics> {
+    let rendering = Instant::now();
+    let mut drawn = Vec::new();
+    for island in 0..mapped.islands.islands.len() {
+        drawn.push(Drawn::new(mapped, island, config)?);
+        write_map(&folder, mapped, &drawn[island], island)?;
+    }
+    for (robot, poses) in mapped.robots.iter().zip(&mapped.poses) {
+        let stamps = robot.stamps.iter().map(String::as_str);
+        let mut tum = Vec::new();
+        write_tum(&mut tum, stamps.zip(poses.iter().copied()))?;
+        folder.write(&format!("{}.tum", robot.name), &tum)?;
+    }
+    let mut g2o = Vec::new();
+    logs::g2o::write_g2o(&mut g2o, &pose_graph(mapped.team.manifold())?)?;
+    folder.write("graph.g2o", &g2o)?;
+    folder.write("patches.csv", patches_csv(mapped).as_bytes())?;
+    folder.write("config.toml", config.to_toml().as_bytes())?;
+    let rendering = rendering.elapsed();
+
+    let frames: Vec<_> = drawn.iter().map(|island| *island.grid.frame()).collect();
+    let metrics = Metrics::new(mapped, &frames, rendering, start.elapsed());
+    let html = report(mapped, &drawn, &metrics, config)?;
+    folder.write("report.html", html.as_bytes())?;
+    folder.write(METRICS, &serde_json::to_vec_pretty(&metrics)?)?;
+    folder.commit()?;
+    Ok(metrics)
+}
+
+fn write_map(
+    folder: &ResultFolder,
+    mapped: &MappedTeam,
+    drawn: &Drawn,
+    island: usize,
+) -> Result<()> {
+    let trajectories = drawn.trajectories(mapped);
+    // What one robot's loops are is seen in the report; what joins robots belongs on their map.
+    let marks = if mapped.robots.len() > 1 { &drawn.marks[..] } else { &[] };
+    let annotations = Annotations {
+        title: Some(&drawn.title),
+        trajectories: &trajectories,
+        closures: marks,
+        ..Annotations::default()
+    };
+    folder.write(&map_file(island, "png"), &map_png(&drawn.grid, &annotations)?)?;
+    let pgm = map_file(island, "pgm");
+    folder.write(&pgm, &ros_map_pgm(&drawn.grid))?;
+    folder.write(&map_file(island, "yaml"), ros_map_yaml(&drawn.grid, &pgm).as_bytes())
+}
+
+/// Which scan of which robot each patch was made of, and the number of its island.
+fn patches_csv(mapped: &MappedTeam) -> String {
+    let mut text = String::from("patch,scan,stamp,robot,island\n");
+    let mut next = vec![0; mapped.robots.len()];
+    for patch in mapped.team.manifold().patches() {
+        let k = usize::from(patch.robot.0);
+        let robot = &mapped.robots[k];
+        // A robot's patches keep their order among the team's.
+        let scan = robot.patch_scans[next[k]];
+        next[k] += 1;
+        let island = mapped.islands.index(patch.id) + 1;
+        let (stamp, name) = (&robot.stamps[scan], csv_field(&robot.name));
+        let _ = writeln!(text, "{},{scan},{stamp},{name},{island}", patch.id.0);
+    }
+    text
+}
+
+/// A field of a CSV file, in quotes where it needs them (RFC 4180).
+fn csv_field(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}

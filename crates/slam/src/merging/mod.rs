@@ -1,0 +1,149 @@
+//! Joining islands where evidence says how they lie to each other (thesis 5.4.4).
+
+mod by_geometry;
+mod evidence;
+mod merger;
+mod places;
+mod recognition;
+mod sets;
+
+pub(crate) use merger::Merger;
+
+use crate::map::Map;
+use geometry::{GaussianPose2, Pose2};
+use manifold::{Islands, PatchId, Provenance, RelationId};
+use serde::{Deserialize, Serialize};
+
+/// Joining islands.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MergingSettings {
+    /// Look for merges.
+    pub enabled: bool,
+    /// Islands are joined only when the chance that this is wrong is bounded by so much; what falls
+    /// short is put on record as provisional. The default lets five places that fit pass.
+    pub false_merges: f64,
+    /// Places of an island that are compared with others lie so far apart, metres.
+    pub spacing_m: f64,
+    /// Places of other islands that each is compared with, those that look most like it.
+    pub candidates: usize,
+    /// Of one island they lie at least so far apart, metres.
+    pub apart_m: f64,
+    /// Each is looked for so far around them along either axis, metres.
+    pub window_m: f64,
+    /// A place's own surroundings reach this far, metres ...
+    pub query_distance_m: f64,
+    /// ... over at most this many patches.
+    pub query_patches: usize,
+    /// Share of them that must fit.
+    pub share: f64,
+    /// Matches that must agree before a merge is looked into.
+    pub least_agreeing: usize,
+}
+
+impl Default for MergingSettings {
+    fn default() -> Self {
+        MergingSettings {
+            enabled: true,
+            false_merges: 1.1e-4,
+            spacing_m: 2.0,
+            candidates: 10,
+            apart_m: 3.0,
+            window_m: 3.0,
+            query_distance_m: 5.0,
+            query_patches: 8,
+            share: 0.6,
+            least_agreeing: 3,
+        }
+    }
+}
+
+/// A way in which two islands may lie to each other, with what speaks for it.
+#[derive(Clone, Debug)]
+pub(crate) struct Proposal {
+    /// The source island's frame seen from the target's.
+    pub target_from_source: Pose2,
+    /// What speaks for it and against it, counted.
+    pub evidence: EvidenceCounts,
+    /// Relations from patches of the target to patches of the source; never empty.
+    pub links: Vec<Link>,
+    /// Bound on the chance that the proposal is wrong.
+    pub false_bound: f64,
+}
+
+/// What speaks for and against a merge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct EvidenceCounts {
+    /// Matches that agree pairwise about how the islands lie to each other.
+    pub matches: usize,
+    /// Independent places, or landmarks, that fit.
+    pub agreeing: usize,
+    /// Independent places where one island sees through the other's walls, or landmarks that do
+    /// not fit.
+    pub contradicting: usize,
+    /// Places of the overlap that were looked at.
+    pub places: usize,
+    /// Those of them that fit.
+    pub fitting: usize,
+    /// Mean share of sight lines through the other island's walls, per mille.
+    pub seen_through_per_mille: u32,
+}
+
+/// What became of a proposal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MergeState {
+    /// The islands were joined.
+    Merged,
+    /// The evidence is not enough; the relations are on record as provisional.
+    Provisional,
+}
+
+/// A merge that was made or considered.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Merge {
+    /// Names of the robots on the two islands, as they were then.
+    pub robots: [Vec<String>; 2],
+    /// What became of it.
+    pub state: MergeState,
+    /// Kind of the evidence.
+    pub provenance: Provenance,
+    /// The relations it made or proposes.
+    pub relations: Vec<RelationId>,
+    /// What speaks for and against it.
+    pub evidence: EvidenceCounts,
+    /// Bound on the chance that it is wrong.
+    pub false_bound: f64,
+}
+
+/// A relation between two islands that is not made yet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Link {
+    /// Patch of the target island.
+    pub from: PatchId,
+    /// Patch of the source island.
+    pub to: PatchId,
+    pub from_from_to: GaussianPose2,
+    pub provenance: Provenance,
+}
+
+impl Proposal {
+    /// The indices of the two islands, target first.
+    pub fn ends(&self, islands: &Islands) -> Option<(usize, usize)> {
+        let link = self.links.first()?;
+        Some((islands.of(link.from), islands.of(link.to)))
+    }
+}
+
+/// Joins two islands: the source is moved as a rigid body into the target's frame and the links
+/// become relations. The poses are not optimised yet.
+fn join(map: &mut Map, islands: &Islands, proposal: &Proposal) -> Vec<RelationId> {
+    let Some((target, source)) = proposal.ends(islands) else { return Vec::new() };
+    if target != source {
+        let moved = |&patch: &PatchId| (patch, proposal.target_from_source * map.pose(patch));
+        let poses = islands.members[source].iter().map(moved).collect();
+        map.manifold.refit(poses);
+    }
+    let relate = |l: &Link| map.manifold.relate(l.from, l.to, l.from_from_to, l.provenance);
+    proposal.links.iter().map(relate).collect()
+}

@@ -1,0 +1,234 @@
+use crate::map::Map;
+use crate::merging::{Merge, Merger};
+use crate::refit::{refit, relocalise, settle};
+use crate::track::{ScanPose, ScanRecord};
+use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
+use geometry::Pose2;
+use manifold::{Change, Manifold, PatchId, Relation, RelationId, Retraction, Way};
+use sensing::RobotId;
+
+/// The map of a team: every robot's own map, islands until evidence joins them.
+///
+/// Robots map by themselves ([`Mapper`]); what they found is joined here. The result depends on the
+/// robots and the order in which they join, and on nothing else.
+pub struct Team {
+    config: SlamConfig,
+    map: Map,
+    tracks: Vec<Track>,
+    merges: Vec<Merge>,
+    statistics: Statistics,
+    observer: Box<dyn StageObserver>,
+}
+
+/// What is known of one robot.
+#[derive(Clone, Debug, Default)]
+struct Track {
+    scans: Vec<ScanRecord>,
+    statistics: Statistics,
+    /// Names in the team's map of what the robot calls by its own.
+    patches: Vec<PatchId>,
+    relations: Vec<RelationId>,
+}
+
+impl Team {
+    /// A team without robots.
+    pub fn new(config: SlamConfig) -> Self {
+        Self::observed(config, Box::new(Unobserved))
+    }
+
+    /// A team whose stages are reported to `observer`.
+    pub fn observed(config: SlamConfig, observer: Box<dyn StageObserver>) -> Self {
+        let (map, statistics) = (Map::default(), Statistics::default());
+        Team { config, map, tracks: Vec::new(), merges: Vec::new(), statistics, observer }
+    }
+
+    /// Takes a robot into the team; its changes may follow.
+    pub fn add_robot(&mut self, name: &str) -> RobotId {
+        self.tracks.push(Track::default());
+        self.map.manifold.add_robot(name)
+    }
+
+    /// Repeats in the team's map what happened in a robot's own.
+    pub fn receive(&mut self, robot: RobotId, changes: &[Change]) {
+        for change in changes {
+            self.repeat(robot, change);
+        }
+    }
+
+    /// Takes over everything a robot mapped, the changes not yet received included.
+    pub fn join(&mut self, robot: RobotId, mut mapper: Mapper) {
+        let changes = mapper.take_changes();
+        self.receive(robot, &changes);
+        let statistics = mapper.statistics();
+        let track = &mut self.tracks[usize::from(robot.0)];
+        for (patch, surface) in track.patches.iter().zip(mapper.map.surfaces) {
+            self.map.set_surface(*patch, surface);
+        }
+        track.scans = mapper.scans;
+        for scan in &mut track.scans {
+            scan.found.patch = track.patches[scan.found.patch.index()];
+            scan.pose = scan.found;
+        }
+        track.statistics = statistics;
+    }
+
+    /// Takes a relation back, by the user's word. The map is that without it after
+    /// [`Team::rebuild`].
+    pub fn retract(&mut self, relation: RelationId) {
+        self.map.manifold.retract(relation, Retraction::ByUser);
+    }
+
+    /// Takes back everything that relates a robot to others; returns what that was.
+    pub fn split(&mut self, robot: RobotId) -> Vec<RelationId> {
+        let owner = |patch: PatchId| self.map.manifold.patch(patch).robot;
+        let across = |r: &&Relation| (owner(r.from) == robot) != (owner(r.to) == robot);
+        let relations: Vec<RelationId> =
+            self.map.manifold.active_relations().filter(across).map(|r| r.id).collect();
+        relations.iter().for_each(|&id| self.retract(id));
+        relations
+    }
+
+    /// A team of the same robots and patches with only the relations that `keep` accepts, which
+    /// get new ids: what this team must equal once the others are taken back. Both are the same
+    /// after [`Team::rebuild`].
+    pub fn with_relations(&self, keep: impl Fn(&Relation) -> bool) -> Team {
+        let mut team = Team::new(self.config);
+        let manifold = &self.map.manifold;
+        for robot in manifold.robots() {
+            team.map.manifold.add_robot(&robot.name);
+        }
+        for patch in manifold.patches() {
+            team.map.manifold.add_patch(patch.clone());
+        }
+        for r in manifold.relations().iter().filter(|r| keep(r)) {
+            team.map.manifold.relate(r.from, r.to, r.from_from_to, r.provenance);
+        }
+        manifold.ways().iter().for_each(|way| team.map.manifold.note_way(*way));
+        manifold.sightings().iter().for_each(|s| team.map.manifold.note_sighting(s.clone()));
+        team.map.surfaces.clone_from(&self.map.surfaces);
+        team.tracks.clone_from(&self.tracks);
+        team
+    }
+
+    /// The global pass: joins islands, refits each and places every scan in it.
+    pub fn finish(&mut self) {
+        self.merge();
+        self.rebuild();
+    }
+
+    /// Makes the map anew from the relations that hold, the ways driven and the scans: places every
+    /// patch, refits each island, and places every scan. The result does not depend on what was
+    /// part of the map before.
+    pub fn rebuild(&mut self) {
+        let config = self.config;
+        self.timed(Stage::Optimisation, |t| settle(&mut t.map, &config));
+        let measured = self.timed(Stage::Refit, |t| refit(&mut t.map, &config));
+        self.statistics.overlaps += measured;
+        self.timed(Stage::Relocalisation, |t| {
+            let mut tracks: Vec<&mut [ScanRecord]> =
+                t.tracks.iter_mut().map(|track| &mut track.scans[..]).collect();
+            relocalise(&t.map, &mut tracks, &config);
+        });
+    }
+
+    /// The map.
+    pub fn manifold(&self) -> &Manifold {
+        &self.map.manifold
+    }
+
+    /// What happened to the map since this was last asked.
+    pub fn take_changes(&mut self) -> Vec<Change> {
+        self.map.manifold.take_journal()
+    }
+
+    /// Where each of a robot's scans was taken, in the order of its observations.
+    pub fn scan_poses(&self, robot: RobotId) -> impl ExactSizeIterator<Item = ScanPose> + '_ {
+        self.tracks[usize::from(robot.0)].scans.iter().map(|scan| scan.pose)
+    }
+
+    /// Base pose of each of a robot's scans in the frame of the island it is on.
+    pub fn trajectory(&self, robot: RobotId) -> Vec<Pose2> {
+        self.scan_poses(robot).map(|pose| pose.in_map(&self.map.manifold)).collect()
+    }
+
+    /// Islands that were merged, and merges that may be but are not sure enough.
+    pub fn merges(&self) -> &[Merge] {
+        &self.merges
+    }
+
+    /// Counts of one robot's own mapping.
+    pub fn robot_statistics(&self, robot: RobotId) -> Statistics {
+        self.tracks[usize::from(robot.0)].statistics
+    }
+
+    /// Counts so far: all robots' and the team's own.
+    pub fn statistics(&self) -> Statistics {
+        self.tracks.iter().fold(self.statistics, |sum, track| sum + track.statistics)
+    }
+
+    /// Joins islands where evidence says how they lie to each other; the poses are those of the
+    /// relations until [`Team::rebuild`].
+    pub fn merge(&mut self) {
+        if !self.config.merging.enabled || self.map.manifold.component_map().members.len() < 2 {
+            return;
+        }
+        let config = self.config;
+        let merger = self.timed(Stage::Merging, |t| {
+            let mut merger = Merger::default();
+            merger.run(&mut t.map, &config);
+            merger
+        });
+        self.statistics.optimisations += merger.optimisations;
+        self.statistics.closures.retracted += merger.contradicted;
+        self.statistics.places_compared += merger.tried;
+        self.merges.extend(merger.merges);
+    }
+
+    fn repeat(&mut self, robot: RobotId, change: &Change) {
+        let manifold = &mut self.map.manifold;
+        let track = &mut self.tracks[usize::from(robot.0)];
+        let patch = |own: &PatchId| track.patches[own.index()];
+        match change {
+            Change::RobotJoined(_) => {}
+            Change::PatchAdded(own) => {
+                let mut added = own.clone();
+                added.robot = robot;
+                track.patches.push(manifold.add_patch(added));
+            }
+            Change::RelationAdded(own) => {
+                let (from, to) = (patch(&own.from), patch(&own.to));
+                let id = manifold.relate(from, to, own.from_from_to, own.provenance);
+                track.relations.push(id);
+            }
+            Change::RelationConfirmed(own) => manifold.confirm(track.relations[own.index()]),
+            Change::RelationRetracted(own, reason) => {
+                manifold.retract(track.relations[own.index()], *reason);
+            }
+            Change::PosesReestimated(poses) => {
+                manifold.refit(poses.iter().map(|(own, pose)| (patch(own), *pose)).collect());
+            }
+            Change::ElevationsReestimated(heights) => {
+                manifold.elevate(heights.iter().map(|(own, h)| (patch(own), *h)).collect());
+            }
+            Change::WayNoted(own) => {
+                let (from, to) = (patch(&own.from), patch(&own.to));
+                manifold.note_way(Way { from, to, ..*own });
+            }
+            Change::LandmarkSighted(own) => {
+                let mut sighting = own.clone();
+                sighting.patch = patch(&own.patch);
+                manifold.note_sighting(sighting);
+            }
+            Change::LeftOut(patches, left_out) => {
+                manifold.leave_out(patches.iter().map(patch).collect(), *left_out);
+            }
+        }
+    }
+
+    fn timed<T>(&mut self, stage: Stage, work: impl FnOnce(&mut Self) -> T) -> T {
+        self.observer.begin(stage);
+        let result = work(self);
+        self.observer.end(stage);
+        result
+    }
+}

@@ -1,0 +1,117 @@
+//! Teams: robots with unknown starts become one map where they were in one building, and stay apart
+//! where they were not; what is taken back leaves no trace.
+
+use crate::runs::{ate, building};
+use geometry::Pose2;
+use manifold::{Change, Provenance, RelationState, Retraction};
+use manifoldslam_slam::{Event, Mapper, MergeState, SlamConfig, Team};
+use sensing::{Observation, RobotId};
+use std::sync::OnceLock;
+use synthetic::{Robot, office, two_loop_building};
+
+/// Adds a robot that mapped some observations, by an odometry frame of its own.
+fn join(team: &mut Team, name: &str, observations: &[Observation], odom: Pose2) -> RobotId {
+    let robot = team.add_robot(name);
+    let mut mapper = Mapper::new(SlamConfig::default());
+    for observation in observations {
+        let mut observation = observation.clone();
+        observation.odom_from_base = observation.odom_from_base.map(|pose| odom * pose);
+        let changes: Vec<Change> = mapper
+            .step(observation)
+            .into_iter()
+            .filter_map(|event| match event {
+                Event::Map(change) => Some(change),
+                Event::Localised(..) => None,
+            })
+            .collect();
+        team.receive(robot, &changes);
+    }
+    mapper.conclude();
+    team.join(robot, mapper);
+    robot
+}
+
+/// The two-loop building's log cut in two; the second robot starts in the middle and knows nothing
+/// of the first.
+const CUTS: [(usize, usize); 2] = [(0, 400), (280, usize::MAX)];
+
+fn cut() -> &'static Team {
+    static TEAM: OnceLock<Team> = OnceLock::new();
+    TEAM.get_or_init(|| {
+        let observations = &building().observations;
+        let mut team = Team::new(SlamConfig::default());
+        for (number, (from, to)) in CUTS.into_iter().enumerate() {
+            let part = &observations[from..to.min(observations.len())];
+            let odom = Pose2::new(-40.0, 17.0 * number as f64, 2.0 * number as f64);
+            join(&mut team, &format!("robot-{number}"), part, odom);
+        }
+        team.finish();
+        team
+    })
+}
+
+#[test]
+fn robots_of_one_building_become_one_map() {
+    let team = cut();
+    assert_eq!(team.manifold().islands().len(), 1, "{:?}", team.merges());
+    let [merge] = team.merges() else { panic!("{:?}", team.merges()) };
+    assert_eq!(merge.state, MergeState::Merged);
+    assert!(merge.false_bound <= SlamConfig::default().merging.false_merges);
+    let (mut truth, mut estimate) = (Vec::new(), Vec::new());
+    for (number, (from, to)) in CUTS.into_iter().enumerate() {
+        let run = building();
+        truth.extend_from_slice(&run.truth[from..to.min(run.truth.len())]);
+        estimate.extend(team.trajectory(RobotId(number as u16)));
+    }
+    let error = ate(&truth, &estimate);
+    assert!(error < 0.05, "both robots in one frame: {error} m");
+}
+
+#[test]
+fn robots_of_different_buildings_stay_apart() {
+    let mut team = Team::new(SlamConfig::default());
+    let other = office(3, 2, &Robot::default());
+    let third = two_loop_building(1);
+    join(&mut team, "loops", &third.observations[..300], Pose2::IDENTITY);
+    join(&mut team, "office", &other.observations, Pose2::IDENTITY);
+    team.finish();
+    assert_eq!(team.manifold().islands().len(), 2);
+    let crossing = team
+        .manifold()
+        .active_relations()
+        .filter(|r| team.manifold().patch(r.from).robot != team.manifold().patch(r.to).robot);
+    assert_eq!(crossing.count(), 0);
+}
+
+#[test]
+fn what_is_taken_back_leaves_no_trace() {
+    let mut team = cut().with_relations(|r| r.is_active());
+    team.rebuild();
+    let closures: Vec<_> = team
+        .manifold()
+        .active_relations()
+        .filter(|r| r.provenance != Provenance::Sequential)
+        .map(|r| r.id)
+        .collect();
+    for id in closures.into_iter().step_by(7) {
+        team.retract(id);
+    }
+    team.rebuild();
+    let mut without = team.with_relations(|r| r.is_active());
+    without.rebuild();
+    assert_eq!(team.manifold().patches(), without.manifold().patches());
+    for robot in [RobotId(0), RobotId(1)] {
+        assert_eq!(team.trajectory(robot), without.trajectory(robot));
+    }
+}
+
+#[test]
+fn a_robot_that_is_split_off_is_not_merged_again() {
+    let mut team = cut().with_relations(|r| r.is_active());
+    let taken_back = team.split(RobotId(1));
+    assert!(!taken_back.is_empty());
+    let by_user = RelationState::Retracted(Retraction::ByUser);
+    assert!(taken_back.iter().all(|&id| team.manifold().relation(id).state == by_user));
+    team.finish();
+    assert_eq!(team.manifold().islands().len(), 2);
+}
