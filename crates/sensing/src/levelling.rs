@@ -58,6 +58,11 @@ impl Levelling {
         self.origin_m + self.slope.dot(&point)
     }
 
+    /// Unit vector of the laser's plane, base frame, in which it rises most; zero where it is level.
+    pub fn uphill(&self) -> Vector2<f64> {
+        self.slope.try_normalize(1e-9).unwrap_or_else(Vector2::zeros)
+    }
+
     /// True where a hit is too high for the floor and too low for the ceiling.
     pub fn may_be_wall(&self, point: Vector2<f64>) -> bool {
         (FLOOR_M..=CEILING_M).contains(&self.height_m(point))

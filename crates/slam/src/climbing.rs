@@ -1,4 +1,5 @@
 use crate::elevation::{ElevationSettings, climbed, raw_slope, slope};
+use crate::map::faces;
 use crate::unit_bias::UnitBias;
 use geometry::{Pose2, Vector2};
 use manifold::{Climb, Elevation};
@@ -18,8 +19,6 @@ const STANDING_WEIGHT_M: f64 = 1e-3;
 /// A base that leans by so much more or less than where it was before tips over an edge, radians:
 /// one degree, twice the noise of two readings.
 const TIPPING_RAD: f64 = 0.011;
-/// Surfaces within 45 degrees of the way a base tips face it.
-const FACING_COS: f32 = 0.7;
 
 /// What the inertial unit tells of one robot's way: scans are levelled by it, and heights gained
 /// are summed up between patches.
@@ -133,8 +132,7 @@ impl Climbing {
             return Cow::Borrowed(surface);
         }
         let towards = tipped.normalize().cast::<f32>();
-        let faces = |p: &LinePoint| (p.nx * towards.x + p.ny * towards.y).abs() > FACING_COS;
-        Cow::Owned(surface.iter().filter(|p| !faces(p)).copied().collect())
+        Cow::Owned(surface.iter().filter(|p| !faces(p, &towards)).copied().collect())
     }
 
     /// The climb since the last patch; from now on it is counted from here.
@@ -159,10 +157,12 @@ pub(crate) fn is_tipped(attitude: &Attitude) -> bool {
     attitude.tilt_rad() > TIPPED_RAD
 }
 
-/// Puts points of a leaning laser's plane on the plan; those that may be floor or ceiling go.
+/// Puts points of a leaning laser's plane on the plan; those that may be floor go. Floor shows as a
+/// line across the slope: what is as low but runs along it is the wall beside a ramp.
 fn level_points(points: &mut Vec<LinePoint>, levelling: &Levelling) {
     let vector = |x: f32, y: f32| Vector2::new(f64::from(x), f64::from(y));
-    points.retain(|p| levelling.may_be_wall(vector(p.x, p.y)));
+    let uphill = levelling.uphill().cast::<f32>();
+    points.retain(|p| levelling.may_be_wall(vector(p.x, p.y)) || !faces(p, &uphill));
     for p in points {
         let at = levelling.project(vector(p.x, p.y));
         let normal = levelling.normal(vector(p.nx, p.ny));

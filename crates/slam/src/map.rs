@@ -1,6 +1,7 @@
 use geometry::{Pose2, Vector2};
 use manifold::{Manifold, PatchId};
 use matching::LinePoint;
+use std::borrow::Cow;
 
 /// The manifold with what the pipeline derives from its scans and remembers of its making.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +17,14 @@ pub(crate) struct Map {
 /// radians: less than the flattest ramp, more than the doubt about a bias and the noise of a
 /// reading.
 const SAME_PLANE_RAD: f64 = 0.04;
+
+/// Surfaces within 45 degrees of a direction face it.
+const FACING_COS: f32 = 0.7;
+
+/// True for a surface that faces a direction, or its opposite.
+pub(crate) fn faces(point: &LinePoint, direction: &Vector2<f32>) -> bool {
+    (point.nx * direction.x + point.ny * direction.y).abs() > FACING_COS
+}
 
 impl Map {
     /// Present pose of a patch in its island.
@@ -45,6 +54,19 @@ impl Map {
     /// tells.
     pub fn slope(&self, patch: PatchId) -> Vector2<f64> {
         self.slopes.get(patch.index()).copied().unwrap_or_else(Vector2::zeros)
+    }
+
+    /// The line points of `to` that can be compared with those of `from`. Where lasers lean
+    /// differently, what faces the way they do lies elsewhere for each (a floor, a ramp, a ceiling
+    /// met at a height of its own); walls along it lie where they lie for any laser.
+    pub fn comparable_surface(&self, from: PatchId, to: PatchId) -> Cow<'_, [LinePoint]> {
+        let surface = self.surface(to);
+        if self.lean_alike(from, to) {
+            return Cow::Borrowed(surface);
+        }
+        let between = self.pose(to).between(&self.pose(from)).rotate(self.slope(from));
+        let differs = (between - self.slope(to)).normalize().cast::<f32>();
+        Cow::Owned(surface.iter().filter(|p| !faces(p, &differs)).copied().collect())
     }
 
     /// Line points of a patch.

@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn debug(driven: &synthetic::StoreysRun, mapper: &Mapper, patch_scans: &[usize]) {
     let t = mapper.trajectory();
     for (i, (a, b)) in driven.run.truth.iter().zip(&t).enumerate().filter(|(i, _)| {
-        (450..600).contains(i) && i % 5 == 0 || (1160..1290).contains(i) && i % 5 == 0
+        (450..600).contains(i) && (i % 5 == 0 || (460..490).contains(i)) || (1160..1290).contains(i) && i % 5 == 0
     }) {
         let w = driven.run.truth[0] * *b;
         println!(
@@ -108,7 +108,7 @@ fn debug(driven: &synthetic::StoreysRun, mapper: &Mapper, patch_scans: &[usize])
             let est = t[a].between(&t[b]);
             let ee = tr.between(&est);
             let _ = es;
-            print!("final {:.3} {:.3} ", ee.x, ee.y);
+            print!("final {:.3} {:.3} {:.4} ", ee.x, ee.y, ee.yaw);
             println!(
                 "rel {a} {b} z {:.2} err {:.3} {:.3} {:.4} std {:.3}",
                 driven.heights_m[b],

@@ -65,7 +65,7 @@ fn overlaps_of(
         if overlaps.len() >= settings.overlaps_per_patch {
             break;
         }
-        let (h, g, share) = matcher.quadratic(scratch, map.surface(to), &believed, kernel_m);
+        let (h, g, share) = matcher.quadratic(scratch, &map.comparable_surface(from, to), &believed, kernel_m);
         if share < settings.overlap_share {
             continue;
         }
@@ -93,7 +93,7 @@ fn neighbours_of(
     let mut found: Vec<(f64, PatchId, Pose2)> = near
         .within(map, island, &own, radius_m)
         .into_iter()
-        .filter(|&other| other != patch && map.comparable(patch, other))
+        .filter(|&other| other != patch && !map.manifold.apart_in_height(patch, other))
         .map(|other| (other, own.between(&map.pose(other))))
         .map(|(other, pose)| (pose.norm() + pose.yaw.abs(), other, pose))
         .collect();
