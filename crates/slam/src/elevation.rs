@@ -45,8 +45,8 @@ const RISE_SHARE: f64 = 0.05;
 const BIAS_STD_RAD: f64 = 0.005;
 /// Ways shorter than this tell no slope, metres.
 const LEAST_WAY_M: f64 = 0.1;
-/// Changes of a height that need no telling, metres.
-const UNCHANGED_M: f64 = 1e-3;
+/// Variance of a height that nothing tells any more, m^2: higher than any building.
+const UNKNOWN_M2: f64 = 1e6;
 
 /// The rise of a climb and its variance, given the unit's bias in pitch: what is nearly level is a
 /// floor.
@@ -130,16 +130,11 @@ fn biases(manifold: &Manifold) -> Vec<Attitude> {
 }
 
 fn changed(manifold: &Manifold, heights: &[Option<Elevation>]) -> Vec<(PatchId, Elevation)> {
-    let is_new = |old: Option<Elevation>, new: &Elevation| {
-        old.is_none_or(|old| {
-            (old.height_m - new.height_m).abs() > UNCHANGED_M
-                || (old.variance_m2 - new.variance_m2).abs() > UNCHANGED_M * UNCHANGED_M
-        })
-    };
+    let unknown = Elevation { height_m: 0.0, variance_m2: UNKNOWN_M2 };
     let patches = manifold.patches().iter().zip(heights);
     patches
-        .filter_map(|(patch, height)| Some((patch, (*height)?)))
-        .filter(|(patch, height)| is_new(patch.elevation, height))
-        .map(|(patch, height)| (patch.id, height))
+        .map(|(patch, height)| (patch, height.or(patch.elevation.map(|_| unknown))))
+        .filter(|(patch, height)| patch.elevation != *height)
+        .filter_map(|(patch, height)| Some((patch.id, height?)))
         .collect()
 }

@@ -74,6 +74,14 @@ impl Map {
         &self.surfaces[patch.index()]
     }
 
+    /// Sets the slope of the ground under a patch.
+    pub fn set_slope(&mut self, patch: PatchId, slope: Vector2<f64>) {
+        if self.slopes.len() <= patch.index() {
+            self.slopes.resize(patch.index() + 1, Vector2::zeros());
+        }
+        self.slopes[patch.index()] = slope;
+    }
+
     /// Sets the line points of a patch.
     pub fn set_surface(&mut self, patch: PatchId, surface: Vec<LinePoint>) {
         if self.surfaces.len() <= patch.index() {

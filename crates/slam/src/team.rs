@@ -64,6 +64,9 @@ impl Team {
         for (patch, surface) in track.patches.iter().zip(mapper.map.surfaces) {
             self.map.set_surface(*patch, surface);
         }
+        for (patch, slope) in track.patches.iter().zip(mapper.map.slopes) {
+            self.map.set_slope(*patch, slope);
+        }
         track.scans = mapper.scans;
         for scan in &mut track.scans {
             scan.found.patch = track.patches[scan.found.patch.index()];
@@ -106,6 +109,7 @@ impl Team {
         manifold.ways().iter().for_each(|way| team.map.manifold.note_way(*way));
         manifold.sightings().iter().for_each(|s| team.map.manifold.note_sighting(s.clone()));
         team.map.surfaces.clone_from(&self.map.surfaces);
+        team.map.slopes.clone_from(&self.map.slopes);
         team.tracks.clone_from(&self.tracks);
         team
     }

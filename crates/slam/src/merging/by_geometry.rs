@@ -77,10 +77,11 @@ impl GeometricMerging {
         let pairs: Vec<((usize, usize), Vec<PlaceMatch>)> = pairs.into_iter().collect();
         let best = |((_, source), matches): &((usize, usize), Vec<PlaceMatch>)| {
             let examined: Vec<(usize, Evidence)> =
-                agreeing_sets(map, matches, config.merging.least_agreeing)
+                by_height(map, matches)
                     .iter()
+                    .flat_map(|m| agreeing_sets(map, m, config.merging.least_agreeing))
                     .map(|set| {
-                        (set.len(), examine(map, islands, set, &places[*source], &grid, config))
+                        (set.len(), examine(map, islands, &set, &places[*source], &grid, config))
                     })
                     .collect();
             choose(map, examined, self.usually_through)
@@ -116,6 +117,19 @@ fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
         (islands.members[island].len(), std::cmp::Reverse(island))
     };
     if size(m.from) >= size(m.to) { m } else { m.reversed() }
+}
+
+/// Matches in groups that agree about how high the islands lie to each other, storeys of the same
+/// plan in groups of their own. All are one group where no heights are known.
+fn by_height(map: &Map, matches: &[PlaceMatch]) -> Vec<Vec<PlaceMatch>> {
+    let mut groups: Vec<Vec<PlaceMatch>> = Vec::new();
+    for m in matches {
+        match groups.iter_mut().find(|group| group[0].agrees_in_height(m, map)) {
+            Some(group) => group.push(*m),
+            None => groups.push(vec![*m]),
+        }
+    }
+    groups
 }
 
 /// The best alignment of two islands, doubted as far as another one has evidence too.
@@ -168,7 +182,7 @@ fn is_same(map: &Map, links: &[PlaceMatch], others: &[PlaceMatch]) -> bool {
         };
         let here = link.target_from_source(map) * place;
         let apart = here.between(&(other.target_from_source(map) * place));
-        apart.norm() < SAME_M && apart.yaw.abs() < SAME_RAD
+        apart.norm() < SAME_M && apart.yaw.abs() < SAME_RAD && link.agrees_in_height(other, map)
     };
     2 * others.iter().filter(agrees).count() > others.len()
 }

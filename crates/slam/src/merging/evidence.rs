@@ -126,9 +126,13 @@ fn expect(
         let there = seen_from(*patch);
         there.norm() + there.yaw.abs()
     };
+    let same_floor = |near: &PatchId| {
+        link.agrees_in_height(&PlaceMatch { from: *near, to: place, ..*link }, map)
+    };
     let near = grid
         .within(map, target, &pose, NEAR_M)
         .into_iter()
+        .filter(same_floor)
         .min_by(|a, b| unlike(a).total_cmp(&unlike(b)))?;
     let doubt_m = DOUBT_M + DOUBT_PER_M * distance(link);
     let std = Vector3::new(doubt_m, doubt_m, DOUBT_RAD + DOUBT_RAD_PER_M * doubt_m);

@@ -1,6 +1,7 @@
 use super::by_geometry::GeometricMerging;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
+use crate::elevation::estimate_elevations;
 use crate::map::Map;
 use crate::refit::{doubt_relations, optimise_relations};
 use manifold::{Islands, PatchId, Provenance, RelationId, Retraction};
@@ -41,6 +42,7 @@ impl Merger {
                 break;
             }
             self.contradicted += optimise_relations(map, config).len();
+            estimate_elevations(map);
             self.optimisations += 1;
             // Where all that was joined has come apart again, nothing new is to be learnt.
             if map.manifold.component_map().members.len() == islands.members.len() {

@@ -4,7 +4,7 @@ use crate::SlamConfig;
 use crate::loop_closing::{Candidate, ClosingSettings, SearchArea, Verifier};
 use crate::map::Map;
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::PatchId;
+use manifold::{Elevation, PatchId};
 use matching::MatchResult;
 use rayon::prelude::*;
 
@@ -77,6 +77,21 @@ impl PlaceMatch {
         let covariance = config.relation_covariance(&matched, None);
         let from_from_to = GaussianPose2 { mean: found.pose, covariance };
         PlaceMatch { from, to, from_from_to, share: found.inlier_ratio }
+    }
+
+    /// Height of the island of `to` above that of `from`, as the match has it: both ends stand on
+    /// the same floor. `None` where nothing tells.
+    pub fn rise(&self, map: &Map) -> Option<Elevation> {
+        let [from, to] = [self.from, self.to].map(|end| map.manifold.patch(end).elevation);
+        let (from, to) = from.zip(to)?;
+        let variance_m2 = from.variance_m2 + to.variance_m2;
+        Some(Elevation { height_m: from.height_m - to.height_m, variance_m2 })
+    }
+
+    /// False when two matches of the same islands say that they lie at different heights.
+    pub fn agrees_in_height(&self, other: &PlaceMatch, map: &Map) -> bool {
+        let rises = self.rise(map).zip(other.rise(map));
+        rises.is_none_or(|(a, b)| !a.is_apart_from(&b))
     }
 
     /// The match seen from its other end.
