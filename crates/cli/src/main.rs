@@ -11,6 +11,7 @@ mod config;
 mod crossing;
 mod drawing;
 mod islands;
+mod level_maps;
 mod mapping;
 mod metrics;
 mod reading;

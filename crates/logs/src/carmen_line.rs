@@ -1,9 +1,10 @@
 //! One line of a CARMEN log, without any memory of the lines before it.
 
 use crate::DropReason;
+use crate::attitude_line::{AttitudeLine, attitude};
 use crate::number::{is_blank, leading_f32, parse_f32, parse_f64, parse_stamp, parse_u64};
 use geometry::Pose2;
-use sensing::{LaserModel, Stamp, Twist};
+use sensing::{Attitude, LaserModel, Stamp, Twist};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::RangeInclusive;
 
@@ -38,6 +39,8 @@ pub(crate) struct LaserLine {
     /// Field of the line, from 0, at which the laser's pose begins; the base's follows it.
     pub pose_field: usize,
     pub twist: Option<Twist>,
+    /// How the base leaned, where it was told.
+    pub attitude: Option<Attitude>,
 }
 
 /// What a line says.
@@ -47,6 +50,7 @@ pub(crate) enum Message<'a> {
     Nothing,
     Laser(Box<LaserLine>),
     Odometry(Twist),
+    Attitude(AttitudeLine),
     Param {
         name: &'a [u8],
         value: &'a [u8],
@@ -76,6 +80,7 @@ pub(crate) fn parse(line: &[u8], complete: bool) -> Result<Message<'_>, Fault> {
         b"FLASER" => old_laser(LaserName::Front, fields, complete),
         b"RLASER" => old_laser(LaserName::Rear, fields, complete),
         b"ODOM" => odometry(fields),
+        b"ATTITUDE" => Ok(Message::Attitude(attitude(fields, complete)?)),
         b"PARAM" => Ok(match (fields.next(), fields.next()) {
             (Some(name), Some(value)) => Message::Param { name, value },
             _ => Message::Other("PARAM"),
@@ -111,6 +116,7 @@ fn old_laser(name: LaserName, mut fields: Fields, complete: bool) -> Result<Mess
         odom_from_base,
         pose_field,
         twist: None,
+        attitude: None,
     })))
 }
 
@@ -145,6 +151,7 @@ fn robot_laser(digit: u8, mut fields: Fields, complete: bool) -> Result<Message,
         odom_from_base,
         pose_field,
         twist: sane.then_some(twist),
+        attitude: None,
     })))
 }
 
@@ -210,7 +217,7 @@ fn centred(beams: u32, angle_min_rad: f64, angle_increment_rad: f64) -> LaserMod
 
 /// The fields of a line, separated by blanks, with their numbers.
 #[derive(Clone)]
-struct Fields<'a> {
+pub(crate) struct Fields<'a> {
     rest: &'a [u8],
     field: usize,
 }
@@ -231,11 +238,11 @@ impl<'a> Fields<'a> {
     }
 
     /// How many fields are left.
-    fn total(mut self) -> usize {
+    pub fn total(mut self) -> usize {
         std::iter::from_fn(|| self.next()).count()
     }
 
-    fn fault(&self, reason: DropReason) -> Fault {
+    pub fn fault(&self, reason: DropReason) -> Fault {
         Fault { field: Some(self.field), reason }
     }
 
@@ -247,7 +254,7 @@ impl<'a> Fields<'a> {
         (0..count).try_for_each(|_| self.required().map(drop))
     }
 
-    fn number(&mut self) -> Result<f64, Fault> {
+    pub fn number(&mut self) -> Result<f64, Fault> {
         let text = self.required()?;
         parse_f64(text).ok_or_else(|| self.fault(DropReason::NotANumber))
     }
@@ -329,7 +336,7 @@ impl<'a> Fields<'a> {
     }
 
     /// The stamp. Where the line may have been cut off, a host must follow: a word, no number.
-    fn stamp(&mut self, complete: bool) -> Result<(Stamp, String), Fault> {
+    pub fn stamp(&mut self, complete: bool) -> Result<(Stamp, String), Fault> {
         let text = self.required()?;
         let stamp = parse_stamp(text).ok_or_else(|| self.fault(DropReason::NotANumber))?;
         if !complete && parse_f64(self.required()?).is_some() {
@@ -341,7 +348,7 @@ impl<'a> Fields<'a> {
 
 /// True when a longer name that starts like this could be a laser message.
 pub(crate) fn may_start_laser(name: &str) -> bool {
-    ["FLASER", "RLASER", "ROBOTLASER"].iter().any(|laser| laser.starts_with(name))
+    ["FLASER", "RLASER", "ROBOTLASER", "ATTITUDE"].iter().any(|laser| laser.starts_with(name))
 }
 
 /// The yaw of a laser that looks backwards.

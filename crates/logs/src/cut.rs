@@ -18,7 +18,8 @@ pub struct Piece {
 
 /// How a CARMEN log is cut into the logs of several robots.
 ///
-/// Scans go to the pieces that hold them. `ODOM`, `SYNC` and `TRUEPOS` lines go with the scan that
+/// Scans go to the pieces that hold them. `ODOM`, `ATTITUDE`, `SYNC` and `TRUEPOS`
+/// lines go with the scan that
 /// follows them (the last ones with the last scan); repetitions of a scan under another name go
 /// with that scan; `PARAM` lines and comments go to every piece that is not over, so that a piece
 /// knows its mountings. All poses are carried into the piece's frame. What else a log may hold is
@@ -89,7 +90,7 @@ impl Cut<'_> {
                 Message::Laser(laser) => (last_owners.clone(), fields(laser.pose_field, 2)),
                 Message::Odometry(_) => (self.holding(next), fields(1, 1)),
                 Message::Other("TRUEPOS") => (self.holding(next), fields(1, 2)),
-                Message::Other("SYNC") => (self.holding(next), 0..0),
+                Message::Attitude(_) | Message::Other("SYNC") => (self.holding(next), 0..0),
                 Message::Other(name) => {
                     *report.left_out.entry(name.to_owned()).or_default() += 1;
                     continue;

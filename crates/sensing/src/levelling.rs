@@ -58,7 +58,8 @@ impl Levelling {
         self.origin_m + self.slope.dot(&point)
     }
 
-    /// Unit vector of the laser's plane, base frame, in which it rises most; zero where it is level.
+    /// Unit vector of the laser's plane, base frame, in which it rises most; zero where it is
+    /// level.
     pub fn uphill(&self) -> Vector2<f64> {
         self.slope.try_normalize(1e-9).unwrap_or_else(Vector2::zeros)
     }

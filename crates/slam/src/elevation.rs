@@ -7,6 +7,7 @@ mod solve;
 use crate::map::Map;
 use crate::unit_bias::Mode;
 use geometry::Vector2;
+pub use ground::KnownGround;
 pub(crate) use ground::forget_ground;
 use manifold::{Climb, Elevation, Manifold, Patch, PatchId};
 use measured::rises;
@@ -95,13 +96,17 @@ pub(crate) fn estimate_elevations(map: &mut Map) {
         }
     }
     least_squares(&rises, biases.len(), &mut heights);
-    let slope = |patch: &Patch| {
-        let bias = &biases[usize::from(patch.robot.0)];
-        patch.attitude.map_or_else(Vector2::zeros, |reading| slope(&reading, bias))
-    };
+    let slope = |patch: &Patch| slope_of(patch, &biases).unwrap_or_else(Vector2::zeros);
     map.slopes = manifold.patches().iter().map(slope).collect();
     let changed = changed(manifold, &heights);
     map.manifold.elevate(changed);
+}
+
+/// Rise per metre forwards and to the left of the ground under a patch; zero on a floor, `None`
+/// where nothing tells.
+fn slope_of(patch: &Patch, biases: &[Attitude]) -> Option<Vector2<f64>> {
+    let bias = biases[usize::from(patch.robot.0)];
+    patch.attitude.map(|attitude| slope(&attitude, &bias))
 }
 
 /// What each robot's unit reads on the level: the most frequent pitch of its ways, and the most

@@ -28,7 +28,7 @@ mod track;
 mod unit_bias;
 
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
-pub use elevation::ElevationSettings;
+pub use elevation::{ElevationSettings, KnownGround};
 pub use event::{Event, Stage, StageObserver, Unobserved};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
 pub use mapper::Mapper;

@@ -4,8 +4,8 @@ use sensing::{BeamClass, Stamp};
 use std::io::Write;
 
 /// Writes a run's observations as CARMEN text: one `FLASER` line per scan, with the odometry pose
-/// of laser and base, and an `ATTITUDE` line before it where the attitude is known. No return reads 81.83 and ranges have two decimals, as scanners of that time
-/// had.
+/// of laser and base. No return reads 81.83 and ranges have two decimals, as scanners of that time
+/// had. Where the attitude is known, an `ATTITUDE` line stands before the scan.
 ///
 /// # Errors
 /// When the writer fails.
@@ -15,7 +15,7 @@ pub fn write_carmen(run: &Run, out: &mut impl Write) -> Result<(), SyntheticErro
         let seconds = Seconds(observation.stamp);
         if let Some(attitude) = observation.attitude {
             let (roll, pitch) = (attitude.roll_rad, attitude.pitch_rad);
-            writeln!(out, "ATTITUDE {roll:.6} {pitch:.6} 0 {seconds} nohost {seconds}")?;
+            writeln!(out, "ATTITUDE {roll:.6} {pitch:.6} {seconds} nohost {seconds}")?;
         }
         let scan = &observation.scan;
         write!(out, "FLASER {}", scan.len())?;

@@ -58,7 +58,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn debug(driven: &synthetic::StoreysRun, mapper: &Mapper, patch_scans: &[usize]) {
     let t = mapper.trajectory();
     for (i, (a, b)) in driven.run.truth.iter().zip(&t).enumerate().filter(|(i, _)| {
-        (450..600).contains(i) && (i % 5 == 0 || (460..490).contains(i)) || (1160..1290).contains(i) && i % 5 == 0
+        (450..600).contains(i) && (i % 5 == 0 || (460..490).contains(i))
+            || (1160..1290).contains(i) && i % 5 == 0
     }) {
         let w = driven.run.truth[0] * *b;
         println!(

@@ -1,8 +1,11 @@
-use super::ElevationSettings;
+use super::{ElevationSettings, biases, slope_of};
 use crate::map::Map;
 use geometry::{Pose2, Vector2};
+use manifold::{Islands, Manifold, Patch, PatchId};
 use matching::LinePoint;
+use sensing::Scan;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The ground around a robot is known this far from where it stood, metres: half a ramp's width.
 const KNOWN_M: f64 = 1.5;
@@ -27,47 +30,88 @@ impl Stand {
     }
 }
 
-/// Forgets what beams hit of the ground: where robots stood and the ground is as high as the beam,
-/// there is no wall. From the foot of a ramp a level laser sees the ramp as a wall that recedes as
-/// the robot begins to climb; now that the ramp has been driven, it is known better.
-pub(crate) fn forget_ground(map: &mut Map, settings: &ElevationSettings) {
-    let stands = stands(map);
-    let mut cells: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
-    for (index, stand) in stands.iter().enumerate() {
-        if let Some(stand) = stand {
-            cells.entry(cell_of(&stand.pose.translation())).or_default().push(index);
+/// Where robots stood, to tell ground from walls.
+pub struct KnownGround<'a> {
+    manifold: &'a Manifold,
+    islands: Islands,
+    laser_height_m: f64,
+    stands: Vec<Option<Stand>>,
+    cells: BTreeMap<(i64, i64), Vec<usize>>,
+}
+
+impl<'a> KnownGround<'a> {
+    /// What is known of a map whose heights were estimated; nothing where no robot told its
+    /// attitude.
+    pub fn new(manifold: &'a Manifold, settings: &ElevationSettings) -> Self {
+        let stands = stands(manifold);
+        let mut cells: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
+        for (index, stand) in stands.iter().enumerate() {
+            if let Some(stand) = stand {
+                cells.entry(cell_of(&stand.pose.translation())).or_default().push(index);
+            }
         }
+        let islands = manifold.component_map();
+        let laser_height_m = settings.laser_height_m;
+        KnownGround { manifold, islands, laser_height_m, stands, cells }
     }
-    let islands = map.manifold.component_map();
-    for (index, stand) in stands.iter().enumerate() {
-        let Some(own) = stand else { continue };
-        let is_ground = |p: &LinePoint| {
-            let seen = Vector2::new(f64::from(p.x), f64::from(p.y));
-            let hit_m = own.height_m + settings.laser_height_m + own.slope.dot(&seen);
-            let place = own.pose.transform(seen);
-            let (u, v) = cell_of(&place);
-            let near = (-1..=1)
-                .flat_map(|dv| (-1..=1).map(move |du| (u + du, v + dv)))
-                .filter_map(|cell| cells.get(&cell))
-                .flatten();
-            near.filter(|other| islands.of[**other] == islands.of[index])
-                .filter_map(|other| stands[*other].as_ref())
-                .any(|other| {
-                    (other.height_m - own.height_m).abs() > DIFFERENT_M
-                        && (other.pose.translation() - place).norm() < KNOWN_M
-                        && (other.ground_at(place) - hit_m).abs() < NEAR_M
-                })
+
+    /// The scan of a patch with the beams that met ground left out: they say nothing of walls.
+    pub fn walls_of(&self, patch: PatchId) -> Arc<Scan> {
+        let Patch { scan, base_from_laser, .. } = self.manifold.patch(patch);
+        let is_ground = |beam: usize| {
+            scan.hit(beam).is_some_and(|range| {
+                let (sin, cos) = scan.laser().bearing(beam).sin_cos();
+                let hit = Vector2::new(cos, sin) * f64::from(range);
+                self.is_ground(patch, base_from_laser.transform(hit))
+            })
         };
-        map.surfaces[index].retain(|p| !is_ground(p));
+        if !(0..scan.len()).any(is_ground) {
+            return scan.clone();
+        }
+        Arc::new(scan.without(is_ground))
+    }
+
+    /// True where a beam ended on ground: a point on the plan, patch frame. From the foot of a ramp
+    /// a level laser sees the ramp as a wall that recedes as the robot begins to climb; where
+    /// robots stood and the ground is as high as the beam, there is no wall.
+    fn is_ground(&self, patch: PatchId, seen: Vector2<f64>) -> bool {
+        let Some(own) = &self.stands[patch.index()] else { return false };
+        let hit_m = own.height_m + self.laser_height_m + own.slope.dot(&seen);
+        let place = own.pose.transform(seen);
+        let (u, v) = cell_of(&place);
+        let island = self.islands.of[patch.index()];
+        let near = (-1..=1)
+            .flat_map(|dv| (-1..=1).map(move |du| (u + du, v + dv)))
+            .filter_map(|cell| self.cells.get(&cell))
+            .flatten();
+        near.filter(|other| self.islands.of[**other] == island)
+            .filter_map(|other| self.stands[*other].as_ref())
+            .any(|other| {
+                (other.height_m - own.height_m).abs() > DIFFERENT_M
+                    && (other.pose.translation() - place).norm() < KNOWN_M
+                    && (other.ground_at(place) - hit_m).abs() < NEAR_M
+            })
     }
 }
 
-fn stands(map: &Map) -> Vec<Option<Stand>> {
-    let stand = |(patch, slope): (&manifold::Patch, &Vector2<f64>)| {
+/// Forgets what beams hit of the ground; now that a ramp has been driven, it is known better.
+pub(crate) fn forget_ground(map: &mut Map, settings: &ElevationSettings) {
+    let ground = KnownGround::new(&map.manifold, settings);
+    for (index, surface) in map.surfaces.iter_mut().enumerate() {
+        let patch = PatchId(index as u32);
+        let seen = |p: &LinePoint| Vector2::new(f64::from(p.x), f64::from(p.y));
+        surface.retain(|p| !ground.is_ground(patch, seen(p)));
+    }
+}
+
+fn stands(manifold: &Manifold) -> Vec<Option<Stand>> {
+    let biases = biases(manifold);
+    let stand = |patch: &Patch| {
         let height_m = patch.elevation?.height_m;
-        Some(Stand { pose: patch.island_from_patch, height_m, slope: *slope })
+        let slope = slope_of(patch, &biases).unwrap_or_else(Vector2::zeros);
+        Some(Stand { pose: patch.island_from_patch, height_m, slope })
     };
-    map.manifold.patches().iter().zip(&map.slopes).map(stand).collect()
+    manifold.patches().iter().map(stand).collect()
 }
 
 fn cell_of(place: &Vector2<f64>) -> (i64, i64) {

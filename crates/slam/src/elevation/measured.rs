@@ -1,6 +1,5 @@
-use super::{BIAS_STD_RAD, climbed, slope};
-use geometry::Vector2;
-use manifold::{Islands, Manifold, Patch, Provenance, Relation};
+use super::{BIAS_STD_RAD, climbed, slope_of};
+use manifold::{Islands, Manifold, Provenance, Relation};
 use sensing::Attitude;
 use std::collections::BTreeSet;
 
@@ -82,10 +81,4 @@ fn related(manifold: &Manifold, relation: &Relation, biases: &[Attitude]) -> Ris
         distance_m: 0.0,
         doubtful: relation.provenance != Provenance::Sequential,
     }
-}
-
-/// Rise per metre forwards and to the left of the ground under a patch; zero on a floor.
-fn slope_of(patch: &Patch, biases: &[Attitude]) -> Option<Vector2<f64>> {
-    let bias = biases[usize::from(patch.robot.0)];
-    patch.attitude.map(|attitude| slope(&attitude, &bias))
 }

@@ -76,14 +76,13 @@ impl GeometricMerging {
         }
         let pairs: Vec<((usize, usize), Vec<PlaceMatch>)> = pairs.into_iter().collect();
         let best = |((_, source), matches): &((usize, usize), Vec<PlaceMatch>)| {
-            let examined: Vec<(usize, Evidence)> =
-                by_height(map, matches)
-                    .iter()
-                    .flat_map(|m| agreeing_sets(map, m, config.merging.least_agreeing))
-                    .map(|set| {
-                        (set.len(), examine(map, islands, &set, &places[*source], &grid, config))
-                    })
-                    .collect();
+            let examined: Vec<(usize, Evidence)> = by_height(map, matches)
+                .iter()
+                .flat_map(|m| agreeing_sets(map, m, config.merging.least_agreeing))
+                .map(|set| {
+                    (set.len(), examine(map, islands, &set, &places[*source], &grid, config))
+                })
+                .collect();
             choose(map, examined, self.usually_through)
         };
         pairs.par_iter().filter_map(best).collect()

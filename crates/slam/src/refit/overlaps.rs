@@ -65,7 +65,8 @@ fn overlaps_of(
         if overlaps.len() >= settings.overlaps_per_patch {
             break;
         }
-        let (h, g, share) = matcher.quadratic(scratch, &map.comparable_surface(from, to), &believed, kernel_m);
+        let (h, g, share) =
+            matcher.quadratic(scratch, &map.comparable_surface(from, to), &believed, kernel_m);
         if share < settings.overlap_share {
             continue;
         }
