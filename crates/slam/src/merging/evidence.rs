@@ -3,7 +3,7 @@ use crate::SlamConfig;
 use crate::loop_closing::{Candidate, SearchArea, Verifier};
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
-use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
+use geometry::{GaussianPose2, Matrix3, Vector3};
 use manifold::{Islands, PatchId};
 use rayon::prelude::*;
 
@@ -151,13 +151,17 @@ fn judge(verifier: &mut Verifier, e: &Expected, map: &Map, config: &SlamConfig) 
     Verdict { link, through }
 }
 
-/// How many of some places are far enough from each other to be independent, the first ones first.
+/// How many of some places are far enough from each other to be independent, the first ones first:
+/// storeys are.
 fn independent(map: &Map, places: &[PatchId]) -> usize {
-    let mut chosen: Vec<Pose2> = Vec::new();
+    let mut chosen: Vec<PatchId> = Vec::new();
     for &place in places {
         let pose = map.pose(place);
-        if chosen.iter().all(|c| c.distance(&pose) >= INDEPENDENT_M) {
-            chosen.push(pose);
+        let apart = |c: &PatchId| {
+            map.pose(*c).distance(&pose) >= INDEPENDENT_M || map.manifold.apart_in_height(*c, place)
+        };
+        if chosen.iter().all(apart) {
+            chosen.push(place);
         }
     }
     chosen.len()

@@ -68,7 +68,9 @@ impl PlaceIndex {
             let place = self.places[index];
             let own = map.pose(place.patch);
             let near = |other: &Place| {
-                other.island == place.island && map.pose(other.patch).distance(&own) < apart_m
+                other.island == place.island
+                    && map.pose(other.patch).distance(&own) < apart_m
+                    && !map.manifold.apart_in_height(other.patch, place.patch)
             };
             if !chosen.iter().any(near) {
                 chosen.push(place);
@@ -93,7 +95,8 @@ pub(super) fn spaced_patches(map: &Map, islands: &Islands, spacing_m: f64) -> Ve
     for patch in map.manifold.patches().iter().filter(|p| !p.left_out && map.is_level(p.id)) {
         let island = islands.of[patch.id.index()];
         let around = near.within(map, island, &patch.island_from_patch, spacing_m);
-        if around.iter().any(|p| taken[p.index()]) {
+        let beside = |p: &PatchId| !map.manifold.apart_in_height(*p, patch.id);
+        if around.iter().any(|p| taken[p.index()] && beside(p)) {
             continue;
         }
         taken[patch.id.index()] = true;

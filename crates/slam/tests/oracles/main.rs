@@ -8,4 +8,5 @@ mod faults;
 mod replay;
 mod runs;
 mod standing_still;
+mod storeys;
 mod team;
