@@ -11,6 +11,8 @@ mod benchmark;
 mod commands;
 #[path = "oracles/cut.rs"]
 mod cut;
+#[path = "oracles/levels.rs"]
+mod levels;
 #[path = "oracles/scores.rs"]
 mod scores;
 #[path = "oracles/teams.rs"]

@@ -4,8 +4,6 @@ use geometry::{Matrix2, Pose2, Vector2};
 /// What lies lower than this above the ground under the robot may be floor, metres: the thickness
 /// of a threshold and of a few degrees' error at a few metres.
 const FLOOR_M: f64 = 0.1;
-/// What lies higher than this may be ceiling, metres: doors and stairs leave a person's height.
-const CEILING_M: f64 = 100.0;
 
 /// A scan of a leaning robot as seen on the plan: walls stand upright, so what a beam hit on a wall
 /// lies straight above its place on the plan (docs/math/elevation.md).
@@ -64,9 +62,9 @@ impl Levelling {
         self.slope.try_normalize(1e-9).unwrap_or_else(Vector2::zeros)
     }
 
-    /// True where a hit is too high for the floor and too low for the ceiling.
+    /// True where a hit is too high for the floor under the robot.
     pub fn may_be_wall(&self, point: Vector2<f64>) -> bool {
-        (FLOOR_M..=CEILING_M).contains(&self.height_m(point))
+        self.height_m(point) >= FLOOR_M
     }
 
     /// The laser's mounting on the plan; it looks where it looked.
@@ -76,8 +74,8 @@ impl Levelling {
     }
 
     /// The scan on the plan, taken from [`Levelling::mounting`]: every beam of the same laser has
-    /// what the beam saw that points there from the leaning one. Beams that may have met floor or
-    /// ceiling, and those that saw nothing, say nothing.
+    /// what the beam saw that points there from the leaning one. Beams that may have met floor, and
+    /// those that saw nothing, say nothing.
     pub fn scan(&self, scan: &Scan, base_from_laser: &Pose2) -> Scan {
         let laser = *scan.laser();
         let to_laser = Pose2::new(0.0, 0.0, -base_from_laser.yaw);

@@ -8,10 +8,8 @@ use manifoldslam_manifold::{Elevation, GroundKind, Levels, Manifold, PatchId, Pr
 fn drive(heights_m: &[Option<f64>]) -> Levels {
     let mut manifold = Manifold::new();
     manifold.add_robot("one");
-    let step = GaussianPose2 {
-        mean: Pose2::new(1.0, 0.0, 0.0),
-        covariance: Matrix3::identity() * 1e-4,
-    };
+    let step =
+        GaussianPose2 { mean: Pose2::new(1.0, 0.0, 0.0), covariance: Matrix3::identity() * 1e-4 };
     for (k, height_m) in heights_m.iter().enumerate() {
         let id = add_patch(&mut manifold, Pose2::new(k as f64, 0.0, 0.0));
         if let Some(height_m) = *height_m {
