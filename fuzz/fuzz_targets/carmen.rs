@@ -23,6 +23,7 @@ fn check(input: impl BufRead) -> ReadReport {
     let mut reader = CarmenReader::new(input, options);
     let mut scans = 0;
     let mut last_line = 0;
+    let mut sightings = 0;
     for record in reader.by_ref() {
         scans += 1;
         assert!(record.line > last_line, "records in the order of the lines");
@@ -35,11 +36,17 @@ fn check(input: impl BufRead) -> ReadReport {
         assert!(scan.laser().bearing(scan.len() - 1).is_finite());
         let max = scan.laser().range_max_m;
         assert!((0..scan.len()).all(|i| scan.range(i) >= 0.0 && scan.range(i) <= max));
+        sightings += seen.sightings.len() as u64;
+        for sighting in &seen.sightings {
+            let covariance = &sighting.covariance;
+            assert!(sighting.position.iter().chain(covariance.iter()).all(|v| v.is_finite()));
+            assert!(covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0);
+        }
         let mounting = seen.base_from_laser;
         assert!(mounting.norm() < 1000.0 && mounting.yaw.is_finite());
     }
     let report = reader.finish();
-    assert_eq!(report.scans, scans);
+    assert_eq!((report.scans, report.sightings), (scans, sightings));
     assert!(report.dropped.len() <= 100 && report.dropped.len() as u64 <= report.dropped_count);
     report
 }

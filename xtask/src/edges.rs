@@ -14,6 +14,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("slam", &["geometry", "sensing", "matching", "manifold", "optimizer"]),
     ("rendering", &["geometry", "sensing"]),
     ("logs", &["geometry", "sensing", "optimizer"]),
+    ("store", &["geometry", "sensing", "manifold"]),
     (
         PROGRAM,
         &[
@@ -26,6 +27,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "slam",
             "rendering",
             "logs",
+            "store",
         ],
     ),
     ("xtask", &[]),

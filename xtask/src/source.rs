@@ -25,6 +25,22 @@ const FORBIDDEN_IN_CORE: [&str; 12] = [
     "dbg!",
 ];
 
+/// Of these, what a crate must not name that does IO on files it is given, and nothing else.
+const FORBIDDEN_BESIDE_FILES: [&str; 10] = [
+    "std::net",
+    "std::env",
+    "std::process",
+    "std::thread",
+    "SystemTime",
+    "Instant",
+    "ThreadPoolBuilder",
+    "thread_rng",
+    "println!",
+    "dbg!",
+];
+/// Crates that read and write files and neither wait nor speak.
+const FILES_ONLY: [&str; 1] = ["store"];
+
 /// Looks at the text of all sources.
 pub fn check(run: &mut Run) -> Result<()> {
     let mut wrong = Vec::new();
@@ -38,8 +54,10 @@ pub fn check(run: &mut Run) -> Result<()> {
         if path.extension().is_some_and(|e| e == "rs") {
             widths(&text, &mut object);
             functions(&text, &mut object);
-            if is_core(&name) {
-                quiet_core(&text, &mut object);
+            if is_of(&CORE, &name) {
+                quiet(&text, &FORBIDDEN_IN_CORE, &mut object);
+            } else if is_of(&FILES_ONLY, &name) {
+                quiet(&text, &FORBIDDEN_BESIDE_FILES, &mut object);
             }
         }
     }
@@ -50,9 +68,9 @@ pub fn check(run: &mut Run) -> Result<()> {
     Ok(())
 }
 
-/// Library code of a core crate, tests and examples excepted.
-fn is_core(name: &str) -> bool {
-    CORE.iter().any(|krate| name.starts_with(&format!("crates/{krate}/src/")))
+/// Library code of one of the crates, tests and examples excepted.
+fn is_of(crates: &[&str], name: &str) -> bool {
+    crates.iter().any(|krate| name.starts_with(&format!("crates/{krate}/src/")))
 }
 
 fn widths(text: &str, object: &mut impl FnMut(usize, String)) {
@@ -108,12 +126,12 @@ fn machine_paths(text: &str, object: &mut impl FnMut(usize, String)) {
     }
 }
 
-fn quiet_core(text: &str, object: &mut impl FnMut(usize, String)) {
+fn quiet(text: &str, forbidden: &[&str], object: &mut impl FnMut(usize, String)) {
     let library = text.split("#[cfg(test)]").next().unwrap_or_default();
     for (i, line) in library.lines().enumerate() {
         let code = line.split("//").next().unwrap_or_default();
-        for word in FORBIDDEN_IN_CORE.iter().filter(|word| names(code, word)) {
-            object(i + 1, format!("the core must not use {word}"));
+        for word in forbidden.iter().filter(|word| names(code, word)) {
+            object(i + 1, format!("this crate must not use {word}"));
         }
     }
 }
@@ -159,8 +177,15 @@ mod tests {
 
     #[test]
     fn the_core_is_watched() {
-        let found = |text: &str| objections(text, |t, mut o| quiet_core(t, &mut o));
+        let found = |text: &str| objections(text, |t, mut o| quiet(t, &FORBIDDEN_IN_CORE, &mut o));
         assert_eq!(found("let t = Instant::now();\nuse std::fs;"), [1, 2]);
+        assert!(
+            objections("use std::fs; use std::time::SystemTime;", |t, mut o| {
+                quiet(t, &FORBIDDEN_BESIDE_FILES, &mut o)
+            })
+            .len()
+                == 1
+        );
         assert!(
             found("// an Instant\nlet instantly = Instants;\n#[cfg(test)]\nprintln!()").is_empty()
         );

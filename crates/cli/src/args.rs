@@ -50,6 +50,12 @@ pub enum Command {
     Optimize(OptimizeArgs),
     /// Draw a map again, at another resolution or cropped
     Render(RenderArgs),
+    /// Say what is in a manifold file
+    Info(InfoArgs),
+    /// Take back parts of a map, or confirm them
+    Edit(EditArgs),
+    /// Save what can be saved of a damaged manifold file
+    Salvage(SalvageArgs),
     /// Score a trajectory against the truth
     #[command(subcommand)]
     Eval(EvalCommand),
@@ -66,7 +72,7 @@ pub enum Command {
 }
 
 /// Where the configuration comes from.
-#[derive(Clone, Debug, Default, ClapArgs)]
+#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 pub struct ConfigArgs {
     /// Configuration file, TOML; what it does not name keeps its default (see `config show`)
     #[arg(long, value_name = "FILE")]
@@ -95,7 +101,8 @@ pub enum Switch {
 #[derive(Debug, ClapArgs)]
 #[command(
     after_help = "The folder holds map.png, map.pgm and map.yaml (ROS map_server), LOG.tum (the base pose \
-    of every scan), graph.g2o, patches.csv, config.toml, metrics.json and report.html. Several logs are taken for \
+    of every scan), graph.g2o, patches.csv, config.toml, metrics.json and report.html, and site.manifold, the map \
+    with everything it was made from. Several logs are taken for \
     robots of one team that know nothing of each other's start: what the evidence says belongs together becomes \
     one map, the rest islands (map.png the largest, map-2.png the next). A robot is called what its log is \
     called; the order of the logs does not matter.\n\n\
@@ -103,15 +110,21 @@ pub enum Switch {
     manifoldslam map intel.clf.bz2 -o out/intel\n  \
     manifoldslam map --odometry off aces.clf.bz2 -o out/aces\n  \
     manifoldslam map robot1.clf robot2.clf robot3.clf -o out/team\n  \
+    manifoldslam map day2.clf --onto out/team/site.manifold\n  \
     manifoldslam map --separately --json day1.clf day2.clf.gz -o out > metrics.json"
 )]
 pub struct MapArgs {
     /// CARMEN logs: plain, gzip or bzip2
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Result folder; replaced if it is an older result
-    #[arg(long, short, value_name = "DIR")]
-    pub output: PathBuf,
+    /// Result folder; replaced if it is an older result [with --onto: default is the folder of
+    /// FILE, if that is a result]
+    #[arg(long, short, value_name = "DIR", required_unless_present = "onto")]
+    pub output: Option<PathBuf>,
+    /// Add the logs to the map in this manifold file: another robot, another day, or a run that was
+    /// interrupted
+    #[arg(long, value_name = "FILE", conflicts_with = "separately")]
+    pub onto: Option<PathBuf>,
     /// Map every log by itself, each into its own folder below DIR
     #[arg(long)]
     pub separately: bool,
@@ -190,16 +203,17 @@ pub enum MethodName {
     Examples:\n  \
     manifoldslam render out/intel --resolution 0.01 --crop=-5,-5,15,10 -o corner.png\n  \
     manifoldslam render out/team --island 2 -o second.png\n  \
-    manifoldslam render out/intel/intel.tum --log intel.clf.bz2 -o plan.svg"
+    manifoldslam render site.manifold --all-scans -o dense.png\n  \
+    manifoldslam render intel.tum --log intel.clf.bz2 -o plan.svg"
 )]
 pub struct RenderArgs {
-    /// A result folder, or a trajectory with one pose for every scan of --log
-    #[arg(value_name = "RESULT|TUM")]
+    /// A result folder, a manifold file, or a trajectory with one pose for every scan of --log
+    #[arg(value_name = "RESULT|FILE|TUM")]
     pub source: PathBuf,
-    /// The log [default: the one the result folder names]; once per robot where logs have moved
+    /// The log of a trajectory
     #[arg(long, value_name = "LOG")]
     pub log: Vec<PathBuf>,
-    /// Which of the result folder's maps to draw, largest first
+    /// Which of the maps to draw, largest first
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub island: u32,
     /// Image to write
@@ -229,6 +243,74 @@ pub struct Crop {
     pub min: (f64, f64),
     /// Upper-right corner.
     pub max: (f64, f64),
+}
+
+/// Arguments of `info`.
+#[derive(Debug, ClapArgs)]
+#[command(
+    after_help = "Works beside a program that is writing to the file. Exit code 1, with the reason, when the file is \
+    damaged, newer than this program or something else.\n\n\
+    Examples:\n  \
+    manifoldslam info site.manifold\n  \
+    manifoldslam info --relations site.manifold\n  \
+    manifoldslam info --verify --json site.manifold"
+)]
+pub struct InfoArgs {
+    /// Manifold file
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// List closures and merges with their numbers, for `edit`
+    #[arg(long)]
+    pub relations: bool,
+    /// Also rebuild the map from its journal and compare it bit by bit; check the database itself
+    #[arg(long)]
+    pub verify: bool,
+}
+
+/// Arguments of `edit`.
+#[derive(Debug, ClapArgs)]
+#[command(
+    group(clap::ArgGroup::new("edits").required(true).multiple(true)),
+    after_help = "The map becomes what it would be without what is taken back; `info --relations` lists \
+    what there is. What a user has split is not joined again by itself. Where FILE lies in a result folder, that is \
+    brought up to date.\n\n\
+    Examples:\n  \
+    manifoldslam edit out/team/site.manifold --retract 1417\n  \
+    manifoldslam edit out/team/site.manifold --split robot2\n  \
+    manifoldslam edit out/team/site.manifold --leave-out robot3"
+)]
+pub struct EditArgs {
+    /// Manifold file
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Take back a closure or a merge's relation
+    #[arg(long, value_name = "ID", group = "edits")]
+    pub retract: Vec<u32>,
+    /// Make a provisional merge, or a relation that was taken back, part of the map
+    #[arg(long, value_name = "ID", group = "edits")]
+    pub confirm: Vec<u32>,
+    /// Take back all that joins a robot to others; without a name, all that joins robots
+    #[arg(long, value_name = "ROBOT", group = "edits", num_args = 0..=1, default_missing_value = "")]
+    pub split: Vec<String>,
+    /// Leave a robot's patches out of the map
+    #[arg(long, value_name = "ROBOT", group = "edits")]
+    pub leave_out: Vec<String>,
+    /// Take a robot's patches in again
+    #[arg(long, value_name = "ROBOT", group = "edits")]
+    pub take_in: Vec<String>,
+}
+
+/// Arguments of `salvage`.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Exit code 3 when something was lost: what is printed.\n\n\
+    Example:\n  manifoldslam salvage broken.manifold -o site.manifold")]
+pub struct SalvageArgs {
+    /// Damaged manifold file; it is not changed
+    #[arg(value_name = "BROKEN")]
+    pub broken: PathBuf,
+    /// Manifold file to write; must not exist
+    #[arg(long, short, value_name = "NEW")]
+    pub output: PathBuf,
 }
 
 /// Commands of `eval`.

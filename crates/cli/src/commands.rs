@@ -3,10 +3,13 @@
 mod bench;
 pub mod cut;
 mod demo;
+mod edit;
 pub mod eval;
+mod info;
 pub mod map;
 mod optimize;
 mod render;
+mod salvage;
 
 use crate::Outcome;
 use crate::args::{Args, Command, ConfigCommand, EvalCommand};
@@ -28,6 +31,9 @@ pub fn run(args: &Args) -> Result<Outcome> {
         Command::Cut(args) => cut::run(args, global),
         Command::Optimize(args) => optimize::run(args, global),
         Command::Render(args) => render::run(args, global),
+        Command::Edit(args) => edit::run(args, global),
+        Command::Info(args) => info::run(args, global),
+        Command::Salvage(args) => salvage::run(args, global),
         Command::Eval(EvalCommand::Relations(args)) => eval::relations(args, global),
         Command::Eval(EvalCommand::Ate(args)) => eval::ate(args, global),
         Command::Config(ConfigCommand::Show(args)) => {

@@ -13,6 +13,7 @@ pub fn patch_views<'a>(manifold: &'a Manifold, patches: &[PatchId]) -> Vec<ScanV
     patches
         .iter()
         .map(|id| manifold.patch(*id))
+        .filter(|patch| !patch.left_out)
         .map(|patch| ScanView {
             map_from_laser: patch.island_from_patch * patch.base_from_laser,
             scan: &patch.scan,
@@ -24,7 +25,8 @@ pub fn patch_views<'a>(manifold: &'a Manifold, patches: &[PatchId]) -> Vec<ScanV
 /// islands has no place on either map.
 pub fn closure_marks(manifold: &Manifold, islands: &IslandList, island: usize) -> Vec<ClosureMark> {
     let place = |id| manifold.patch(id).island_from_patch.translation();
-    let inside = |r: &&Relation| [r.from, r.to].iter().all(|end| islands.index(*end) == island);
+    let inside =
+        |r: &&Relation| [r.from, r.to].iter().all(|end| islands.index(*end) == Some(island));
     let drawn = manifold.relations().iter().filter(|r| r.provenance != Provenance::Sequential);
     drawn
         .filter(inside)

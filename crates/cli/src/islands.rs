@@ -10,7 +10,7 @@ pub struct IslandList {
     /// The islands; of equal ones the one with the older patch comes first.
     pub islands: Vec<Island>,
     /// For each patch the index of its island.
-    of: Vec<usize>,
+    of: Vec<Option<usize>>,
 }
 
 /// A connected map.
@@ -23,13 +23,14 @@ pub struct Island {
 }
 
 impl IslandList {
-    /// The islands of a map.
+    /// The islands of a map, but for those of which every patch is left out.
     pub fn of(manifold: &Manifold) -> Self {
         let mut members = manifold.islands();
+        members.retain(|patches| patches.iter().any(|id| !manifold.patch(*id).left_out));
         members.sort_by_key(|patches| (Reverse(patches.len()), patches[0]));
-        let mut of = vec![0; manifold.patches().len()];
+        let mut of = vec![None; manifold.patches().len()];
         for (k, patches) in members.iter().enumerate() {
-            patches.iter().for_each(|patch| of[patch.index()] = k);
+            patches.iter().for_each(|patch| of[patch.index()] = Some(k));
         }
         let island = |patches: Vec<PatchId>| {
             let mut robots: Vec<_> = patches.iter().map(|id| manifold.patch(*id).robot).collect();
@@ -41,8 +42,8 @@ impl IslandList {
         IslandList { islands: members.into_iter().map(island).collect(), of }
     }
 
-    /// The index of a patch's island.
-    pub fn index(&self, patch: PatchId) -> usize {
+    /// The index of a patch's island; `None` where all of it is left out.
+    pub fn index(&self, patch: PatchId) -> Option<usize> {
         self.of[patch.index()]
     }
 }

@@ -1,9 +1,9 @@
 use crate::config::Config;
 use crate::drawing::patch_views;
 use crate::islands::map_file;
+use crate::mapping::MappedTeam;
 use crate::result::Drawn;
 use crate::result_folder::ResultFolder;
-use crate::team::MappedTeam;
 use anyhow::Result;
 use geometry::Pose2;
 use manifold::{GroundKind, Levels, Manifold, PatchId};

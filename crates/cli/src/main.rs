@@ -11,6 +11,7 @@ mod config;
 mod crossing;
 mod drawing;
 mod islands;
+mod landmarks;
 mod level_maps;
 mod mapping;
 mod metrics;
@@ -19,7 +20,8 @@ mod report;
 mod result;
 mod result_folder;
 mod scoring;
-mod team;
+mod site_info;
+mod site_writer;
 mod terminal;
 
 use clap::Parser;

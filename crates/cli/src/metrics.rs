@@ -1,8 +1,8 @@
 use crate::islands::title;
 use crate::level_maps::LevelMetrics;
-use crate::mapping::{MappedRobot, path_length};
-use crate::team::MappedTeam;
+use crate::mapping::{LogFacts, MappedRobot, MappedTeam, path_length};
 use crate::terminal::{counted, grouped};
+use manifold::Provenance;
 use rendering::GridFrame;
 use sensing::RobotId;
 use serde::Serialize;
@@ -25,7 +25,8 @@ pub struct Metrics {
     pub islands: Vec<IslandMetrics>,
     /// Islands that were joined, and those that may be but are not.
     pub merges: Vec<Merge>,
-    /// Wall-clock seconds by stage; `reading` runs beside the others, `waiting` is for the reader.
+    /// Wall-clock seconds by stage; `reading` runs beside the others, `waiting` is for the reader,
+    /// `writing` for the manifold file.
     pub times_secs: BTreeMap<String, f64>,
     /// Log seconds mapped in one second.
     pub times_real_time: f64,
@@ -42,32 +43,15 @@ pub struct LogMetrics {
     pub robot: String,
     /// Where it was.
     pub file: String,
-    /// From the least to the greatest stamp.
-    pub duration_secs: f64,
-    /// Lines in it.
-    pub lines: u64,
-    /// Scans mapped.
-    pub scans: u64,
+    /// What the reader made of it.
+    #[serde(flatten)]
+    pub facts: LogFacts,
     /// Scans that became patches.
     pub patches: usize,
     /// Length of the path, metres.
     pub path_m: f64,
     /// Numbers of the islands the robot's patches are on, from 1.
     pub islands: Vec<usize>,
-    /// Scans told twice.
-    pub duplicate_scans: u64,
-    /// Stamps that jump back.
-    pub stamps_back: u64,
-    /// Beams without a usable reading.
-    pub invalid_beams: u64,
-    /// Messages that are not scans.
-    pub skipped_messages: BTreeMap<String, u64>,
-    /// Lines that could not be used.
-    pub dropped_lines: u64,
-    /// The first of them, with reasons.
-    pub dropped: Vec<String>,
-    /// Why reading stopped early, if it did.
-    pub failure: Option<String>,
 }
 
 /// A connected map.
@@ -98,17 +82,30 @@ pub struct MapMetrics {
     pub islands: usize,
     /// Relations that hold, by provenance.
     pub relations: BTreeMap<String, usize>,
+    /// Landmarks that stand still; those whose id was seen at several places count as often.
+    pub landmarks: usize,
     /// Length of all paths, metres.
     pub path_m: f64,
+}
+
+/// Wall-clock time beside the mapping.
+#[derive(Clone, Copy, Debug)]
+pub struct Afterwards {
+    /// Drawing, and writing everything but the manifold file.
+    pub rendering: Duration,
+    /// Waiting for the manifold file, which is written beside all else.
+    pub writing: Duration,
+    /// From the beginning.
+    pub total: Duration,
 }
 
 impl Metrics {
     /// Gathers a run's figures; `frames` are those of the islands' drawn maps.
     pub fn new(
         mapped: &MappedTeam,
+        landmarks: usize,
         frames: &[GridFrame],
-        rendering: Duration,
-        total: Duration,
+        after: &Afterwards,
     ) -> Self {
         let mut times = BTreeMap::new();
         let mut tell = |name: String, time: Duration| {
@@ -119,20 +116,21 @@ impl Metrics {
         for (stage, time) in &mapped.times.stages {
             tell(name_in_files(stage), *time);
         }
-        tell("rendering".into(), rendering);
-        tell("total".into(), total);
+        tell("rendering".into(), after.rendering);
+        tell("writing".into(), after.writing);
+        tell("total".into(), after.total);
         let logs = mapped.robots().map(|(id, robot)| LogMetrics::new(id, robot, mapped));
         let logs: Vec<LogMetrics> = logs.collect();
-        let duration_secs: f64 = logs.iter().map(|log| log.duration_secs).sum();
+        let duration_secs: f64 = logs.iter().map(|log| log.facts.duration_secs).sum();
         Metrics {
             version: env!("CARGO_PKG_VERSION"),
-            map: MapMetrics::new(mapped, &logs),
+            map: MapMetrics::new(mapped, landmarks, &logs),
             logs,
             failures: mapped.failures.clone(),
             islands: IslandMetrics::of(mapped, frames),
             merges: mapped.team.merges().to_vec(),
             times_secs: times,
-            times_real_time: duration_secs / total.as_secs_f64().max(1e-9),
+            times_real_time: duration_secs / after.total.as_secs_f64().max(1e-9),
             threads: rayon::current_num_threads(),
             peak_memory_mib: peak_memory_mib(),
         }
@@ -153,8 +151,12 @@ impl Metrics {
             }
         }
         let counts = &self.map.counts;
+        let landmarks = match self.map.landmarks {
+            0 => String::new(),
+            n => format!(", {}", counted(n as u64, "landmark")),
+        };
         text.push_str(&format!(
-            "  {} patches, {} of {} accepted\n  {:.2} s ({}x real time)",
+            "  {} patches{landmarks}, {} of {} accepted\n  {:.2} s ({}x real time)",
             grouped(counts.patches as u64),
             grouped(counts.closures.accepted as u64),
             counted(counts.closures.tried as u64, "closure"),
@@ -169,16 +171,21 @@ impl Metrics {
 }
 
 /// A merge in a line.
-fn merge_text(merge: &Merge) -> String {
+pub fn merge_text(merge: &Merge) -> String {
     let [one, other] = merge.robots.each_ref().map(|robots| title(robots));
     let evidence = &merge.evidence;
     let state = match merge.state {
         MergeState::Merged => "merged",
         MergeState::Provisional => "not merged, evidence too weak",
     };
+    let witness = match merge.provenance {
+        Provenance::Landmark => "landmark",
+        Provenance::Rendezvous => "meeting",
+        _ => "place",
+    };
     format!(
         "{one} | {other}: {state}; {} agreeing, {} contradicting, estimated chance of being wrong {:.1e}",
-        counted(evidence.agreeing as u64, "place"),
+        counted(evidence.agreeing as u64, witness),
         evidence.contradicting,
         merge.false_bound,
     )
@@ -186,27 +193,18 @@ fn merge_text(merge: &Merge) -> String {
 
 impl LogMetrics {
     fn new(id: RobotId, robot: &MappedRobot, mapped: &MappedTeam) -> Self {
-        let report = &robot.report;
         let manifold = mapped.team.manifold();
         let own = manifold.patches().iter().filter(|patch| patch.robot == id);
-        let islands: BTreeSet<usize> = own.map(|p| mapped.islands.index(p.id) + 1).collect();
+        let islands: BTreeSet<usize> =
+            own.filter_map(|p| Some(mapped.islands.index(p.id)? + 1)).collect();
         let file = std::path::absolute(&robot.log).unwrap_or_else(|_| robot.log.clone());
         LogMetrics {
             robot: robot.name.clone(),
             file: file.display().to_string(),
-            duration_secs: robot.duration_secs,
-            lines: report.lines,
-            scans: report.scans,
+            facts: robot.facts.clone(),
             patches: robot.patch_scans.len(),
             path_m: path_length(&mapped.poses[usize::from(id.0)]),
             islands: islands.into_iter().collect(),
-            duplicate_scans: report.duplicates,
-            stamps_back: report.stamps_back,
-            invalid_beams: report.invalid_beams,
-            skipped_messages: report.skipped.clone(),
-            dropped_lines: report.dropped_count,
-            dropped: report.dropped.iter().map(ToString::to_string).collect(),
-            failure: report.failure.as_ref().map(ToString::to_string),
         }
     }
 
@@ -214,13 +212,14 @@ impl LogMetrics {
         let mut text = format!(
             "{}: {}, {:.0} m, {:.0} s of log\n",
             self.file,
-            counted(self.scans, "scan"),
+            counted(self.facts.scans, "scan"),
             self.path_m,
-            self.duration_secs,
+            self.facts.duration_secs,
         );
-        if self.dropped_lines > 0 || self.failure.is_some() {
-            text.push_str(&format!("  LOST: {}\n", counted(self.dropped_lines, "dropped line")));
-            for problem in self.dropped.iter().take(5).chain(&self.failure) {
+        if self.facts.is_lossy() {
+            let dropped = counted(self.facts.dropped_lines, "dropped line");
+            text.push_str(&format!("  LOST: {dropped}\n"));
+            for problem in self.facts.dropped.iter().take(5).chain(&self.facts.failure) {
                 text.push_str(&format!("    {problem}\n"));
             }
         }
@@ -250,7 +249,7 @@ impl IslandMetrics {
 }
 
 impl MapMetrics {
-    fn new(mapped: &MappedTeam, logs: &[LogMetrics]) -> Self {
+    fn new(mapped: &MappedTeam, landmarks: usize, logs: &[LogMetrics]) -> Self {
         let mut relations = BTreeMap::new();
         for relation in mapped.team.manifold().active_relations() {
             *relations.entry(name_in_files(&relation.provenance)).or_default() += 1;
@@ -259,13 +258,14 @@ impl MapMetrics {
             counts: mapped.team.statistics(),
             islands: mapped.islands.islands.len(),
             relations,
+            landmarks,
             path_m: logs.iter().map(|log| log.path_m).sum(),
         }
     }
 }
 
 /// The name a stage or provenance has in files.
-fn name_in_files(value: &(impl Serialize + std::fmt::Debug)) -> String {
+pub fn name_in_files(value: &(impl Serialize + std::fmt::Debug)) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,
         _ => format!("{value:?}"),

@@ -1,5 +1,5 @@
 use anyhow::{Result, anyhow};
-use logs::{CarmenReader, LogFile, LogInput, LogRecord, ReadOptions, ReadReport};
+use logs::{CarmenReader, LandmarkTable, LogFile, LogInput, LogRecord, ReadOptions, ReadReport};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -27,7 +27,7 @@ pub struct Reading<T> {
 }
 
 impl<T: Send + 'static> Reading<T> {
-    /// Starts reading an open file.
+    /// Starts reading an open file, with the landmarks in a table beside it.
     pub fn of_file(
         file: LogFile,
         path: &Path,
@@ -36,7 +36,7 @@ impl<T: Send + 'static> Reading<T> {
     ) -> Result<Self> {
         let position = file.position;
         let reader = CarmenReader::new(file.input, options).with_name(path);
-        Self::start(reader, position, prepare)
+        Self::start(reader, LandmarkTable::beside(path)?, position, prepare)
     }
 
     /// Starts reading from memory.
@@ -47,11 +47,13 @@ impl<T: Send + 'static> Reading<T> {
         prepare: impl FnMut(LogRecord, bool) -> T + Send + 'static,
     ) -> Result<Self> {
         let input: LogInput = Box::new(std::io::Cursor::new(text));
-        Self::start(CarmenReader::new(input, options).with_name(name), Arc::default(), prepare)
+        let reader = CarmenReader::new(input, options).with_name(name);
+        Self::start(reader, None, Arc::default(), prepare)
     }
 
     fn start(
         mut reader: CarmenReader<LogInput>,
+        mut landmarks: Option<LandmarkTable>,
         position: Arc<AtomicU64>,
         mut prepare: impl FnMut(LogRecord, bool) -> T + Send + 'static,
     ) -> Result<Self> {
@@ -64,12 +66,19 @@ impl<T: Send + 'static> Reading<T> {
                 let start = Instant::now();
                 let behind = counter.load(Ordering::Relaxed) < ENOUGH;
                 let scans = reader.by_ref().take(BATCH);
-                let batch: Vec<T> = scans.map(|record| prepare(record, behind)).collect();
+                let with_landmarks = |mut record: LogRecord| {
+                    if let Some(table) = &mut landmarks {
+                        table.give(&mut record);
+                    }
+                    prepare(record, behind)
+                };
+                let batch: Vec<T> = scans.map(with_landmarks).collect();
                 busy += start.elapsed();
                 counter.fetch_add(1, Ordering::Relaxed);
                 // Nobody takes the scans any more when mapping has failed.
                 if batch.is_empty() || sender.send(batch).is_err() {
-                    return (reader.finish(), busy);
+                    let landmark_table = landmarks.map(LandmarkTable::finish);
+                    return (ReadReport { landmark_table, ..reader.finish() }, busy);
                 }
             }
         };

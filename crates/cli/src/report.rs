@@ -1,8 +1,8 @@
 use crate::config::Config;
 use crate::islands::title;
+use crate::mapping::MappedTeam;
 use crate::metrics::Metrics;
 use crate::result::Drawn;
-use crate::team::MappedTeam;
 use anyhow::Result;
 use rendering::{Annotations, Report};
 use slam::{Merge, MergeState};
@@ -55,7 +55,7 @@ fn robots(report: &mut Report, metrics: &Metrics) {
             vec![
                 log.robot.clone(),
                 log.file.clone(),
-                log.scans.to_string(),
+                log.facts.scans.to_string(),
                 format!("{:.1}", log.path_m),
                 islands.join(", "),
             ]

@@ -1,17 +1,19 @@
 use crate::config::Config;
 use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
 use crate::islands::{map_file, title};
+use crate::landmarks::{MappedLandmark, landmark_marks, landmarks_csv, landmarks_of};
 use crate::level_maps::{LevelMap, write_levels};
-use crate::mapping::pose_graph;
-use crate::metrics::Metrics;
+use crate::mapping::{MappedTeam, pose_graph};
+use crate::metrics::{Afterwards, Metrics};
 use crate::report::report;
-use crate::result_folder::{METRICS, ResultFolder};
-use crate::team::MappedTeam;
+use crate::result_folder::{CONFIG, METRICS, ResultFolder};
+use crate::site_writer::SiteWriter;
 use anyhow::Result;
 use geometry::Pose2;
 use logs::write_tum;
 use rendering::{
-    Annotations, ClosureMark, OccupancyGrid, Trajectory, map_png, ros_map_pgm, ros_map_yaml,
+    Annotations, ClosureMark, MarkKind, OccupancyGrid, Trajectory, map_png, ros_map_pgm,
+    ros_map_yaml,
 };
 use std::fmt::Write;
 use std::time::Instant;
@@ -33,19 +35,26 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    fn new(mapped: &MappedTeam, island: usize, config: &Config) -> Result<Self> {
+    fn new(
+        mapped: &MappedTeam,
+        landmarks: &[MappedLandmark],
+        island: usize,
+        config: &Config,
+    ) -> Result<Self> {
         let manifold = mapped.team.manifold();
         let members = &mapped.islands.islands[island];
         let views = patch_views(manifold, &members.patches);
         let pose = |id: &manifold::PatchId| manifold.patch(*id).island_from_patch;
         let grid = occupancy_that_fits(&views, config.map)?;
+        let mut marks = closure_marks(manifold, &mapped.islands, island);
+        marks.extend(landmark_marks(landmarks, island));
         Ok(Drawn {
             title: title(&members.robots),
             levels: LevelMap::of_island(mapped, island, grid.frame(), config)?,
             grid,
             paths: mapped.paths_on(island),
             patches: members.patches.iter().map(pose).collect(),
-            marks: closure_marks(manifold, &mapped.islands, island),
+            marks,
         })
     }
 
@@ -56,17 +65,20 @@ impl Drawn {
     }
 }
 
-/// Writes everything a result folder holds and gives it its name.
+/// Writes everything a result folder holds, its figures last, and gives it its name. The manifold
+/// file is closed when all else is written.
 pub fn write_result(
     folder: ResultFolder,
     mapped: &MappedTeam,
     config: &Config,
     start: Instant,
+    site: SiteWriter,
 ) -> Result<Metrics> {
     let rendering = Instant::now();
+    let landmarks = landmarks_of(mapped);
     let mut drawn = Vec::new();
     for island in 0..mapped.islands.islands.len() {
-        drawn.push(Drawn::new(mapped, island, config)?);
+        drawn.push(Drawn::new(mapped, &landmarks, island, config)?);
         match drawn[island].levels.is_empty() {
             true => write_map(&folder, mapped, &drawn[island], island)?,
             false => write_levels(&folder, mapped, &drawn[island], island)?,
@@ -82,16 +94,40 @@ pub fn write_result(
     logs::g2o::write_g2o(&mut g2o, &pose_graph(mapped.team.manifold())?)?;
     folder.write("graph.g2o", &g2o)?;
     folder.write("patches.csv", patches_csv(mapped).as_bytes())?;
-    folder.write("config.toml", config.to_toml().as_bytes())?;
+    if !landmarks.is_empty() {
+        folder.write("landmarks.csv", landmarks_csv(mapped, &landmarks).as_bytes())?;
+    }
+    folder.write(CONFIG, config.to_toml().as_bytes())?;
     let rendering = rendering.elapsed();
-
+    let writing = Instant::now();
+    site.close()?;
+    let after = Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() };
     let frames: Vec<_> = drawn.iter().map(|island| *island.grid.frame()).collect();
-    let metrics = Metrics::new(mapped, &frames, rendering, start.elapsed());
+    let metrics = Metrics::new(mapped, landmarks.len(), &frames, &after);
     let html = report(mapped, &drawn, &metrics, config)?;
     folder.write("report.html", html.as_bytes())?;
     folder.write(METRICS, &serde_json::to_vec_pretty(&metrics)?)?;
     folder.commit()?;
     Ok(metrics)
+}
+
+/// The figures alone, where there is no result folder. Closes the manifold file.
+pub fn figures(
+    mapped: &MappedTeam,
+    config: &Config,
+    start: Instant,
+    site: SiteWriter,
+) -> Result<Metrics> {
+    let rendering = Instant::now();
+    let islands = 0..mapped.islands.islands.len();
+    let landmarks = landmarks_of(mapped);
+    let frame = |k| Ok(*Drawn::new(mapped, &landmarks, k, config)?.grid.frame());
+    let frames: Vec<_> = islands.map(frame).collect::<Result<_>>()?;
+    let rendering = rendering.elapsed();
+    let writing = Instant::now();
+    site.close()?;
+    let after = Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() };
+    Ok(Metrics::new(mapped, landmarks.len(), &frames, &after))
 }
 
 fn write_map(
@@ -102,11 +138,12 @@ fn write_map(
 ) -> Result<()> {
     let trajectories = drawn.trajectories(mapped);
     // What one robot's loops are is seen in the report; what joins robots belongs on their map.
-    let marks = if mapped.robots.len() > 1 { &drawn.marks[..] } else { &[] };
+    let belongs = |m: &&ClosureMark| mapped.robots.len() > 1 || m.kind == MarkKind::Sighted;
+    let marks: Vec<ClosureMark> = drawn.marks.iter().filter(belongs).copied().collect();
     let annotations = Annotations {
         title: Some(&drawn.title),
         trajectories: &trajectories,
-        closures: marks,
+        closures: &marks,
         ..Annotations::default()
     };
     folder.write(&map_file(island, "png"), &map_png(&drawn.grid, &annotations)?)?;
@@ -125,7 +162,8 @@ fn patches_csv(mapped: &MappedTeam) -> String {
         // A robot's patches keep their order among the team's.
         let scan = robot.patch_scans[next[k]];
         next[k] += 1;
-        let island = mapped.islands.index(patch.id) + 1;
+        let island =
+            mapped.islands.index(patch.id).map_or_else(String::new, |k| (k + 1).to_string());
         let (stamp, name) = (&robot.stamps[scan], csv_field(&robot.name));
         let _ = writeln!(text, "{},{scan},{stamp},{name},{island}", patch.id.0);
     }
@@ -133,7 +171,7 @@ fn patches_csv(mapped: &MappedTeam) -> String {
 }
 
 /// A field of a CSV file, in quotes where it needs them (RFC 4180).
-fn csv_field(text: &str) -> String {
+pub fn csv_field(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {

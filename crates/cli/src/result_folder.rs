@@ -1,20 +1,32 @@
-use crate::atomic::beside;
+use crate::atomic::{PendingFile, beside};
 use anyhow::{Context, Result, bail};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The file that tells a result folder from any other folder.
 pub const METRICS: &str = "metrics.json";
 
-/// A result folder that appears under its name only when it is whole.
+/// The configuration of a run, as TOML.
+pub const CONFIG: &str = "config.toml";
+/// The manifold file of a result folder.
+pub const SITE: &str = "site.manifold";
+
+/// A result folder.
 ///
-/// Files are written into a hidden folder beside the target; [`ResultFolder::commit`] renames it.
-/// An older result of the same name is replaced in the same moment; any other folder that is not
-/// empty is refused.
+/// A new one is filled in place: its manifold file holds what is mapped at any moment, the other
+/// files appear whole, and the figures last. One that replaces an older result is written into a
+/// hidden folder beside it and takes its name when it is whole. Any other folder that is not empty
+/// is refused.
 #[derive(Debug)]
 pub struct ResultFolder {
     target: PathBuf,
-    temporary: PathBuf,
+    /// The folder that is written to, the target itself where that is new.
+    place: PathBuf,
+    /// What is in it must survive a failure.
+    kept: bool,
+    written: RefCell<BTreeSet<String>>,
 }
 
 impl ResultFolder {
@@ -25,43 +37,136 @@ impl ResultFolder {
         if let Some(parent) = target.parent().filter(|p| !p.as_os_str().is_empty()) {
             fs::create_dir_all(parent).with_context(cannot)?;
         }
-        let temporary = beside(target, "partial")?;
-        fs::create_dir_all(&temporary).with_context(cannot)?;
-        let folder = ResultFolder { target: target.to_owned(), temporary };
+        let place = match is_empty(target) {
+            true => target.to_owned(),
+            false => beside(target, "partial")?,
+        };
+        fs::create_dir_all(&place).with_context(cannot)?;
+        let folder = ResultFolder {
+            target: target.to_owned(),
+            place,
+            kept: false,
+            written: RefCell::default(),
+        };
         // A folder can be made where no file can be written, on a full disk for instance.
         folder.write(".probe", b"manifoldslam")?;
-        fs::remove_file(folder.temporary.join(".probe")).with_context(cannot)?;
+        fs::remove_file(folder.path(".probe")).with_context(cannot)?;
+        folder.written.take();
         Ok(folder)
     }
 
-    /// Writes one file of the result.
+    /// A folder that has a result already, to be brought up to date in place.
+    pub fn update(target: &Path) -> Result<Self> {
+        let (target, place) = (target.to_owned(), target.to_owned());
+        let folder = ResultFolder { target, place, kept: true, written: RefCell::default() };
+        folder.write(".probe", b"manifoldslam")?;
+        fs::remove_file(folder.path(".probe"))?;
+        folder.written.take();
+        Ok(folder)
+    }
+
+    /// The folder's name.
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Where a file of the result is while it is written.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.place.join(name)
+    }
+
+    /// What is in the folder stays there whatever happens next.
+    pub fn keep(&mut self) {
+        self.kept = true;
+    }
+
+    /// Writes one file of the result; it is there whole or not at all.
     pub fn write(&self, name: &str, content: &[u8]) -> Result<()> {
-        fs::write(self.temporary.join(name), content)
-            .with_context(|| format!("{}: cannot write", self.target.join(name).display()))
+        let cannot = || format!("{}: cannot write", self.target.join(name).display());
+        self.written.borrow_mut().insert(name.to_owned());
+        PendingFile::create(&self.path(name))
+            .and_then(|file| file.commit(content))
+            .with_context(cannot)
     }
 
     /// Gives the folder its name.
-    pub fn commit(self) -> Result<()> {
+    pub fn commit(mut self) -> Result<()> {
         let cannot = || format!("{}: cannot replace", self.target.display());
-        if !self.target.exists() {
-            return fs::rename(&self.temporary, &self.target).with_context(cannot);
+        self.kept = true;
+        if self.place == self.target {
+            return self.remove_older_maps();
         }
         let old = beside(&self.target, "old")?;
         fs::rename(&self.target, &old).with_context(cannot)?;
-        if let Err(error) = fs::rename(&self.temporary, &self.target) {
+        if let Err(error) = fs::rename(&self.place, &self.target) {
             // Better the old result than none.
             let _ = fs::rename(&old, &self.target);
             return Err(error).with_context(cannot);
         }
         fs::remove_dir_all(&old).with_context(|| format!("{}: cannot remove", old.display()))
     }
+
+    /// Removes the maps of islands that there are no more.
+    fn remove_older_maps(&self) -> Result<()> {
+        let written = self.written.borrow();
+        for entry in fs::read_dir(&self.place)? {
+            let name = entry?.file_name().to_string_lossy().into_owned();
+            if is_island_map(&name) && !written.contains(&name) {
+                fs::remove_file(self.path(&name))
+                    .with_context(|| format!("{}: cannot remove", self.path(&name).display()))?;
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Drop for ResultFolder {
     fn drop(&mut self) {
-        // Gone already after a commit.
-        let _ = fs::remove_dir_all(&self.temporary);
+        if !self.kept {
+            let _ = fs::remove_dir_all(&self.place);
+        }
     }
+}
+
+/// The folder that a file is in.
+pub fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// True for two names of one folder.
+pub fn is_same(one: &Path, other: &Path) -> bool {
+    let real = |path: &Path| fs::canonicalize(path).ok();
+    real(one).is_some() && real(one) == real(other)
+}
+
+/// The result folder that a manifold file belongs to, to be brought up to date with it.
+pub fn result_folder_of(file: &Path) -> Result<Option<ResultFolder>> {
+    let folder = folder_of(file);
+    let named = file.file_name().is_some_and(|name| name == SITE);
+    // The configuration is written first: it is there in a run that was interrupted.
+    let is_result = [METRICS, CONFIG].iter().any(|name| folder.join(name).exists());
+    Ok(match named && file.exists() && is_result {
+        true => Some(ResultFolder::update(folder)?),
+        false => None,
+    })
+}
+
+/// `map.pgm`, `map-2.png`, `map-level-0.png`, `map-2-level-0.png` and the like.
+fn is_island_map(name: &str) -> bool {
+    let Some((stem, ending)) = name.split_once('.') else { return false };
+    let mut parts = stem.split('-').peekable();
+    let is_number = |part: &&str| part.parse::<usize>().is_ok();
+    let is_map = parts.next() == Some("map");
+    parts.next_if(is_number);
+    if parts.next_if_eq(&"level").is_some() && parts.next_if(is_number).is_none() {
+        return false;
+    }
+    is_map && parts.next().is_none() && ["png", "pgm", "yaml"].contains(&ending)
+}
+
+/// True where there is nothing yet.
+fn is_empty(target: &Path) -> bool {
+    !target.exists() || fs::read_dir(target).is_ok_and(|mut entries| entries.next().is_none())
 }
 
 /// Refuses to replace what is not a result.
@@ -71,7 +176,9 @@ fn check_replaceable(target: &Path) -> Result<()> {
     }
     let mut entries = fs::read_dir(target)
         .with_context(|| format!("{}: not a folder that can be used", target.display()))?;
-    if entries.next().is_some() && !target.join(METRICS).exists() {
+    // A run that was interrupted leaves a manifold file.
+    let is_result = [METRICS, SITE].iter().any(|name| target.join(name).exists());
+    if entries.next().is_some() && !is_result {
         bail!("{}: exists and is not an older result; choose another folder", target.display());
     }
     Ok(())
@@ -103,9 +210,18 @@ mod tests {
         let target = place.join("deep/out");
         let folder = ResultFolder::create(&target).unwrap();
         folder.write(METRICS, b"1").unwrap();
-        assert!(!target.exists());
         drop(folder);
         assert_eq!(names(&place.join("deep")), Vec::<String>::new());
+        let mut folder = ResultFolder::create(&target).unwrap();
+        folder.write(METRICS, b"1").unwrap();
+        folder.keep();
+        drop(folder);
+        assert_eq!(names(&target), [METRICS]);
+        let folder = ResultFolder::create(&target).unwrap();
+        folder.write("other", b"2").unwrap();
+        assert_eq!(names(&target), [METRICS]);
+        drop(folder);
+        assert_eq!(names(&place.join("deep")), ["out"]);
         let folder = ResultFolder::create(&target).unwrap();
         folder.write(METRICS, b"2").unwrap();
         folder.commit().unwrap();

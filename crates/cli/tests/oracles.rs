@@ -11,10 +11,16 @@ mod benchmark;
 mod commands;
 #[path = "oracles/cut.rs"]
 mod cut;
+#[path = "oracles/editing.rs"]
+mod editing;
+#[path = "oracles/landmarks.rs"]
+mod landmarks;
 #[path = "oracles/levels.rs"]
 mod levels;
 #[path = "oracles/scores.rs"]
 mod scores;
+#[path = "oracles/sites.rs"]
+mod sites;
 #[path = "oracles/teams.rs"]
 mod teams;
 

@@ -1,12 +1,14 @@
 use crate::attitude_line::AttitudeLine;
 use crate::carmen_line::{self, BACKWARDS, FORWARDS, LaserLine, LaserName, Message};
+use crate::landmark_line::SightingLine;
 use crate::lines::{LineEnd, LineReader};
 use crate::mounting::rigid_mounting;
 use crate::number::parse_f64;
+use crate::sightings::carry_over;
 use crate::{DropReason, LogError, LogFile, LogInput, LogRecord, ReadReport};
 use geometry::Pose2;
 use sensing::{BeamClass, LaserLimits, LaserModel, NoReturnDetector, Observation, RobotId, Scan};
-use sensing::{Stamp, Twist};
+use sensing::{Sighting, Stamp, Twist};
 use std::collections::{BTreeMap, VecDeque};
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -17,6 +19,8 @@ const LOOK_AHEAD: usize = 256;
 const DETECT_EVERY: u64 = 256;
 /// Scans with a smaller share of usable beams are dropped.
 const MIN_VALID_SHARE: f64 = 0.1;
+/// Landmarks that wait for a scan; further ones are dropped.
+const MOST_WAITING: usize = 4096;
 
 /// How a log is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,8 +47,9 @@ impl Default for ReadOptions {
 }
 
 /// Reads the scans of a CARMEN log in the log's order: `FLASER`, `RLASER` and `ROBOTLASER0` to
-/// `ROBOTLASER9` lines, with the mountings from the lines themselves or from `PARAM`, and how the
-/// robot leaned from our own `ATTITUDE` lines (docs/levels.md).
+/// `ROBOTLASER9` lines, with the mountings from the lines themselves or from `PARAM`, and the
+/// landmarks of our own `LANDMARK` lines (docs/landmarks.md), each with the scan that
+/// follows; and how the robot leaned from `ATTITUDE` lines (docs/levels.md).
 ///
 /// The reader is an iterator that takes any text and never fails: what cannot be used is left out
 /// and told by [`CarmenReader::finish`]. Memory is bounded whatever the input. Odometry is the
@@ -73,6 +78,8 @@ pub struct CarmenReader<R> {
     odom_twist: Option<Twist>,
     attitude: Option<AttitudeLine>,
     last: Option<Last>,
+    /// Landmarks seen since the last scan, with their lines.
+    waiting: Vec<(u64, SightingLine)>,
     report: ReadReport,
 }
 
@@ -102,6 +109,7 @@ impl<R: BufRead> CarmenReader<R> {
             odom_twist: None,
             attitude: None,
             last: None,
+            waiting: Vec::new(),
             report: ReadReport::default(),
         }
     }
@@ -157,6 +165,13 @@ impl<R: BufRead> CarmenReader<R> {
             Ok(Message::Nothing) => {}
             Ok(Message::Odometry(twist)) => self.odom_twist = Some(twist),
             Ok(Message::Attitude(reading)) => self.attitude = Some(reading),
+            Ok(Message::Landmark(seen)) if self.waiting.len() < MOST_WAITING => {
+                self.waiting.push((number, *seen));
+            }
+            Ok(Message::Landmark(_)) => {
+                let reason = DropReason::TooMany { limit: MOST_WAITING };
+                self.report.drop_line(number, None, reason);
+            }
             Ok(Message::Param { name, value }) => self.params.take(name, value),
             Ok(Message::Other(name)) => {
                 if !complete && carmen_line::may_start_laser(name) {
@@ -196,6 +211,7 @@ impl<R: BufRead> CarmenReader<R> {
         if self.settled && laser.scans.is_multiple_of(DETECT_EVERY) {
             laser.no_return_m = laser.detector.threshold();
         }
+        line.sightings = std::mem::take(&mut self.waiting);
         self.pending.push_back((number, line));
         true
     }
@@ -226,6 +242,19 @@ impl<R: BufRead> CarmenReader<R> {
         mounting
     }
 
+    /// The landmarks of a scan that was dropped wait for the next.
+    fn wait_on(&mut self, sightings: Vec<(u64, SightingLine)>) {
+        let next = self.pending.front_mut().map(|(_, line)| &mut line.sightings);
+        next.unwrap_or(&mut self.waiting).splice(0..0, sightings);
+    }
+
+    /// At the end of the log: no scan comes any more.
+    fn give_up_waiting(&mut self) {
+        for (number, _) in std::mem::take(&mut self.waiting) {
+            self.report.drop_line(number, None, DropReason::NoScan);
+        }
+    }
+
     /// Classifies a pending scan; `None` when too little of it is usable.
     fn hand_out(&mut self, number: u64, line: LaserLine) -> Option<LogRecord> {
         let base_from_laser = self.mounting(line.name, &line);
@@ -242,6 +271,7 @@ impl<R: BufRead> CarmenReader<R> {
         if ((beams - invalid) as f64) < MIN_VALID_SHARE * beams as f64 {
             let reason = DropReason::TooFewValidBeams { valid: beams - invalid, beams };
             self.report.drop_line(number, None, reason);
+            self.wait_on(line.sightings);
             return None;
         }
         self.report.invalid_beams += invalid as u64;
@@ -255,8 +285,13 @@ impl<R: BufRead> CarmenReader<R> {
             scan,
             sweep: None,
             attitude: line.attitude,
-            sightings: Vec::new(),
+            sightings: line
+                .sightings
+                .iter()
+                .map(|(_, seen)| carry(seen, &line, with_odometry))
+                .collect(),
         };
+        self.report.sightings += line.sightings.len() as u64;
         let twist = line.twist.filter(|_| self.options.use_odometry);
         Some(LogRecord { line: number, stamp_text: line.stamp_text, observation, twist })
     }
@@ -273,12 +308,21 @@ impl<R: BufRead> Iterator for CarmenReader<R> {
             } else if self.pending.is_empty() {
                 self.read_scan();
             }
-            let (number, line) = self.pending.pop_front()?;
+            let Some((number, line)) = self.pending.pop_front() else {
+                self.give_up_waiting();
+                return None;
+            };
             if let Some(record) = self.hand_out(number, line) {
                 return Some(record);
             }
         }
     }
+}
+
+/// A landmark seen from where a scan was taken.
+fn carry(seen: &SightingLine, scan: &LaserLine, with_odometry: bool) -> Sighting {
+    let motion = with_odometry.then(|| scan.odom_from_base.between(&seen.odom_from_base));
+    carry_over(&seen.sighting, motion, scan.stamp.secs_since(seen.stamp))
 }
 
 /// What is learned of one laser.

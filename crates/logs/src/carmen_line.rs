@@ -2,6 +2,7 @@
 
 use crate::DropReason;
 use crate::attitude_line::{AttitudeLine, attitude};
+use crate::landmark_line::{SightingLine, landmark};
 use crate::number::{is_blank, leading_f32, parse_f32, parse_f64, parse_stamp, parse_u64};
 use geometry::Pose2;
 use sensing::{Attitude, LaserModel, Stamp, Twist};
@@ -41,6 +42,8 @@ pub(crate) struct LaserLine {
     pub twist: Option<Twist>,
     /// How the base leaned, where it was told.
     pub attitude: Option<Attitude>,
+    /// Landmarks seen since the scan before, with their lines.
+    pub sightings: Vec<(u64, SightingLine)>,
 }
 
 /// What a line says.
@@ -51,6 +54,7 @@ pub(crate) enum Message<'a> {
     Laser(Box<LaserLine>),
     Odometry(Twist),
     Attitude(AttitudeLine),
+    Landmark(Box<SightingLine>),
     Param {
         name: &'a [u8],
         value: &'a [u8],
@@ -81,6 +85,7 @@ pub(crate) fn parse(line: &[u8], complete: bool) -> Result<Message<'_>, Fault> {
         b"RLASER" => old_laser(LaserName::Rear, fields, complete),
         b"ODOM" => odometry(fields),
         b"ATTITUDE" => Ok(Message::Attitude(attitude(fields, complete)?)),
+        b"LANDMARK" => Ok(Message::Landmark(Box::new(landmark(fields, complete)?))),
         b"PARAM" => Ok(match (fields.next(), fields.next()) {
             (Some(name), Some(value)) => Message::Param { name, value },
             _ => Message::Other("PARAM"),
@@ -117,6 +122,7 @@ fn old_laser(name: LaserName, mut fields: Fields, complete: bool) -> Result<Mess
         pose_field,
         twist: None,
         attitude: None,
+        sightings: Vec::new(),
     })))
 }
 
@@ -152,6 +158,7 @@ fn robot_laser(digit: u8, mut fields: Fields, complete: bool) -> Result<Message,
         pose_field,
         twist: sane.then_some(twist),
         attitude: None,
+        sightings: Vec::new(),
     })))
 }
 
@@ -246,7 +253,7 @@ impl<'a> Fields<'a> {
         Fault { field: Some(self.field), reason }
     }
 
-    fn required(&mut self) -> Result<&'a [u8], Fault> {
+    pub fn required(&mut self) -> Result<&'a [u8], Fault> {
         self.next().ok_or(Fault { field: Some(self.field + 1), reason: DropReason::MissingField })
     }
 
@@ -323,7 +330,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn pose(&mut self) -> Result<Pose2, Fault> {
+    pub fn pose(&mut self) -> Result<Pose2, Fault> {
         let mut coordinates = [0.0; 3];
         for value in &mut coordinates {
             *value = self.number()?;
@@ -346,9 +353,11 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// True when a longer name that starts like this could be a laser message.
+/// True when a longer name that starts like this could be a message that is not passed over.
 pub(crate) fn may_start_laser(name: &str) -> bool {
-    ["FLASER", "RLASER", "ROBOTLASER", "ATTITUDE"].iter().any(|laser| laser.starts_with(name))
+    ["FLASER", "RLASER", "ROBOTLASER", "LANDMARK", "ATTITUDE"]
+        .iter()
+        .any(|laser| laser.starts_with(name))
 }
 
 /// The yaw of a laser that looks backwards.

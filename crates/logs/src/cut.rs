@@ -1,4 +1,5 @@
 use crate::carmen_line::{self, Message};
+use crate::landmark_line::SightingLine;
 use crate::lines::{LineEnd, LineReader};
 use crate::number::{is_blank, parse_f64};
 use geometry::Pose2;
@@ -18,9 +19,9 @@ pub struct Piece {
 
 /// How a CARMEN log is cut into the logs of several robots.
 ///
-/// Scans go to the pieces that hold them. `ODOM`, `ATTITUDE`, `SYNC` and `TRUEPOS`
-/// lines go with the scan that
-/// follows them (the last ones with the last scan); repetitions of a scan under another name go
+/// Scans go to the pieces that hold them. `ODOM`, `ATTITUDE`, `SYNC` and `TRUEPOS` lines go with the scan that
+/// follows them (the last ones with the last scan), `LANDMARK` lines with the pieces that get it;
+/// repetitions of a scan under another name go
 /// with that scan; `PARAM` lines and comments go to every piece that is not over, so that a piece
 /// knows its mountings. All poses are carried into the piece's frame. What else a log may hold is
 /// left out and counted: nothing here reads it, and it may tell a position in the old frame.
@@ -89,6 +90,7 @@ impl Cut<'_> {
                 Message::Nothing | Message::Param { .. } => (self.not_over(next), 0..0),
                 Message::Laser(laser) => (last_owners.clone(), fields(laser.pose_field, 2)),
                 Message::Odometry(_) => (self.holding(next), fields(1, 1)),
+                Message::Landmark(seen) => (self.owners(next), fields(pose_field(&seen), 1)),
                 Message::Other("TRUEPOS") => (self.holding(next), fields(1, 2)),
                 Message::Attitude(_) | Message::Other("SYNC") => (self.holding(next), 0..0),
                 Message::Other(name) => {
@@ -130,6 +132,11 @@ impl Cut<'_> {
     fn select(&self, wanted: impl Fn(&Piece) -> bool) -> Vec<usize> {
         (0..self.pieces.len()).filter(|&i| wanted(&self.pieces[i])).collect()
     }
+}
+
+/// The field of a landmark's line in which its odometry begins.
+fn pose_field(seen: &SightingLine) -> usize {
+    if seen.sighting.yaw.is_some() { 10 } else { 8 }
 }
 
 /// The fields of so many poses from `first` on.

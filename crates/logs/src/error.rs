@@ -118,6 +118,30 @@ pub enum DropReason {
     /// The pose graph does not take the element.
     #[error(transparent)]
     Graph(#[from] optimizer::OptimizerError),
+    /// A landmark is of no kind this reader knows.
+    #[error("not a kind of landmark: victim, tag or robot")]
+    UnknownLandmark,
+    /// An id is too long, no text, or missing where there must be one.
+    #[error("not an id, or none where a robot needs its name")]
+    BadId,
+    /// A covariance is not positive definite, or absurdly large.
+    #[error("not a covariance: not positive definite, or absurdly large")]
+    BadCovariance,
+    /// No scan follows to which a landmark could belong.
+    #[error("no scan follows soon enough for this landmark")]
+    NoScan,
+    /// There are more of them than a reader keeps.
+    #[error("more than {limit} of these")]
+    TooMany {
+        /// The limit.
+        limit: usize,
+    },
+    /// A table's first line does not name the columns it needs.
+    #[error(
+        "the first line must name the columns stamp, kind, x_m and y_m or range_m and bearing_rad, \
+         and a covariance"
+    )]
+    Header,
     /// Hardly a beam of the scan can be used.
     #[error("only {valid} of {beams} beams are valid")]
     TooFewValidBeams {

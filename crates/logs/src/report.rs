@@ -1,8 +1,8 @@
-use crate::{DropReason, DroppedLine, LogError};
+use crate::{DropReason, DroppedLine, LogError, TableReport};
 use std::collections::BTreeMap;
 
 /// Dropped lines that are kept one by one; beyond this they are counted only.
-const MAX_LISTED: usize = 100;
+pub(crate) const MAX_LISTED: usize = 100;
 /// Names of skipped messages that are told apart.
 const MAX_NAMES: usize = 64;
 
@@ -19,6 +19,10 @@ pub struct ReadReport {
     pub stamps_back: u64,
     /// Beams without a usable reading (NaN, negative) in the scans handed out.
     pub invalid_beams: u64,
+    /// Landmarks in the scans handed out that the log itself tells of.
+    pub sightings: u64,
+    /// What became of the landmarks in a table beside the log, where there is one.
+    pub landmark_table: Option<TableReport>,
     /// Messages that are not scans, by name.
     pub skipped: BTreeMap<String, u64>,
     /// The first dropped lines with their reasons.
@@ -32,7 +36,8 @@ pub struct ReadReport {
 impl ReadReport {
     /// True when something in the log was lost: the run must not end with exit code 0.
     pub fn is_lossy(&self) -> bool {
-        self.dropped_count > 0 || self.failure.is_some()
+        let table = self.landmark_table.as_ref().is_some_and(|table| table.dropped_count > 0);
+        self.dropped_count > 0 || self.failure.is_some() || table
     }
 
     pub(crate) fn drop_line(&mut self, line: u64, field: Option<usize>, reason: DropReason) {

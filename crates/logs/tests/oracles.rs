@@ -13,6 +13,8 @@ mod compressed;
 mod cut;
 #[path = "oracles/damage.rs"]
 mod damage;
+#[path = "oracles/landmarks.rs"]
+mod landmarks;
 #[path = "oracles/real.rs"]
 mod real;
 #[path = "oracles/tum.rs"]

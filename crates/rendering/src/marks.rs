@@ -29,17 +29,20 @@ pub enum MarkKind {
     Merge,
     /// One robot saw the other.
     Rendezvous,
+    /// Where a landmark is; both ends are there.
+    Sighted,
 }
 
 impl MarkKind {
     /// All kinds, in the order in which they are drawn.
-    pub const ALL: [MarkKind; 6] = [
+    pub const ALL: [MarkKind; 7] = [
         MarkKind::Rejected,
         MarkKind::Provisional,
         MarkKind::Closure,
         MarkKind::Landmark,
         MarkKind::Merge,
         MarkKind::Rendezvous,
+        MarkKind::Sighted,
     ];
 
     /// What the legend calls it.
@@ -51,6 +54,7 @@ impl MarkKind {
             MarkKind::Landmark => "landmark closure",
             MarkKind::Merge => "merge",
             MarkKind::Rendezvous => "rendezvous",
+            MarkKind::Sighted => "landmark",
         }
     }
 
@@ -63,6 +67,7 @@ impl MarkKind {
             MarkKind::Landmark => "landmark",
             MarkKind::Merge => "merge",
             MarkKind::Rendezvous => "rendezvous",
+            MarkKind::Sighted => "sighted",
         }
     }
 
@@ -76,6 +81,7 @@ impl MarkKind {
             MarkKind::Landmark => MarkStyle { ends: true, ..thin(Ink::Accepted) },
             MarkKind::Merge => cased,
             MarkKind::Rendezvous => MarkStyle { dashed: true, ..cased },
+            MarkKind::Sighted => MarkStyle { ink: Ink::Accepted, ..cased },
         }
     }
 }

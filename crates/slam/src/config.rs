@@ -1,4 +1,5 @@
 use crate::{ClosingSettings, ElevationSettings, MergingSettings, OdometrySettings, RefitSettings};
+use geometry::{LieGroup, Pose2};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
 use serde::{Deserialize, Serialize};
@@ -109,3 +110,15 @@ impl Default for ExtensionSettings {
         }
     }
 }
+
+impl SlamConfig {
+    /// Odometry that is used and can be a robot's: finite and on this planet. Anything else counts
+    /// as missing.
+    pub(crate) fn usable_odometry(&self, odom_from_base: Option<Pose2>) -> Option<Pose2> {
+        let sane = |odom: &Pose2| odom.is_finite() && odom.norm() < LARGEST_ODOMETRY_M;
+        odom_from_base.filter(|odom| self.odometry.enabled && sane(odom))
+    }
+}
+
+/// The Earth's circumference, metres.
+const LARGEST_ODOMETRY_M: f64 = 4e7;

@@ -96,10 +96,21 @@ pub(crate) fn estimate_elevations(map: &mut Map) {
         }
     }
     least_squares(&rises, biases.len(), &mut heights);
-    let slope = |patch: &Patch| slope_of(patch, &biases).unwrap_or_else(Vector2::zeros);
-    map.slopes = manifold.patches().iter().map(slope).collect();
+    map.slopes = slopes(manifold, &biases);
     let changed = changed(manifold, &heights);
     map.manifold.elevate(changed);
+}
+
+/// What a map that was kept does not hold: the slopes under its patches, and which surfaces are
+/// ground.
+pub(crate) fn recall_ground(map: &mut Map, settings: &ElevationSettings) {
+    map.slopes = slopes(&map.manifold, &biases(&map.manifold));
+    forget_ground(map, settings);
+}
+
+fn slopes(manifold: &Manifold, biases: &[Attitude]) -> Vec<Vector2<f64>> {
+    let slope = |patch: &Patch| slope_of(patch, biases).unwrap_or_else(Vector2::zeros);
+    manifold.patches().iter().map(slope).collect()
 }
 
 /// Rise per metre forwards and to the left of the ground under a patch; zero on a floor, `None`

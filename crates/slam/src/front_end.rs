@@ -30,6 +30,8 @@ pub(crate) struct FrontEnd {
 pub(crate) struct Localisation {
     pub patch: PatchId,
     pub patch_from_base: Pose2,
+    /// Covariance of `patch_from_base`; none at a patch.
+    pub covariance: Matrix3<f64>,
     pub is_patch: bool,
     pub recovered: bool,
     /// Share of the scan that the submap explains; 1 for the first scan and those not matched.
@@ -92,6 +94,7 @@ impl FrontEnd {
         Localisation {
             patch,
             patch_from_base,
+            covariance: motion.covariance,
             is_patch: false,
             recovered: false,
             explained: 1.0,
@@ -140,7 +143,20 @@ impl FrontEnd {
             (patch, anchor_from_patch.between(&pose), false)
         };
         let explained = result.inlier_ratio;
-        Localisation { patch, patch_from_base, is_patch, recovered: poor, explained, tipped: false }
+        let covariance = match is_patch {
+            true => Matrix3::zeros(),
+            false => self.config.relation_covariance(&result.covariance, Some(expected)),
+        };
+        let recovered = poor;
+        Localisation {
+            patch,
+            patch_from_base,
+            covariance,
+            is_patch,
+            recovered,
+            explained,
+            tipped: false,
+        }
     }
 
     /// Slope of the ground at the nearest patch, in the frame that the scan is expected to have.
@@ -191,6 +207,7 @@ impl FrontEnd {
         Localisation {
             patch,
             patch_from_base: Pose2::IDENTITY,
+            covariance: Matrix3::zeros(),
             is_patch: true,
             recovered: false,
             explained: 1.0,

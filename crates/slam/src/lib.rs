@@ -22,6 +22,7 @@ mod plausibility;
 mod preparation;
 mod recovery;
 mod refit;
+mod sightings;
 mod statistics;
 mod team;
 mod track;
@@ -32,10 +33,13 @@ pub use elevation::{ElevationSettings, KnownGround};
 pub use event::{Event, Stage, StageObserver, Unobserved};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
 pub use mapper::Mapper;
-pub use merging::{EvidenceCounts, Merge, MergeState, MergingSettings};
+pub use merging::{
+    EvidenceCounts, IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit,
+    LandmarkSettings, Merge, MergeState, MergingSettings, compare_landmarks,
+};
 pub use motion_model::OdometrySettings;
 pub use preparation::{Preparation, PreparedObservation};
 pub use refit::{RefitMethod, RefitSettings};
 pub use statistics::Statistics;
-pub use team::Team;
+pub use team::{StoredScan, StoredTeam, Team};
 pub use track::ScanPose;

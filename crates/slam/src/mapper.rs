@@ -1,15 +1,18 @@
 use crate::climbing::Stance;
 use crate::elevation::{estimate_elevations, forget_ground};
 use crate::front_end::{FrontEnd, Localisation};
-use crate::loop_closing::{Closure, LoopCloser};
+use crate::loop_closing::{LandmarkCloser, LoopCloser, relate};
 use crate::map::Map;
 use crate::preparation::{Preparation, PreparedObservation};
 use crate::refit::{optimise_relations, refit, relocalise};
+use crate::sightings::note_sightings;
 use crate::statistics::Statistics;
 use crate::track::{ScanPose, ScanRecord};
-use crate::{ClosingStatistics, Event, SlamConfig, Stage, StageObserver, Unobserved};
-use geometry::{GaussianPose2, LieGroup, Pose2};
-use manifold::{Change, Manifold, PatchId, Provenance};
+use crate::{
+    ClosingStatistics, Event, LandmarkRefit, SlamConfig, Stage, StageObserver, Unobserved,
+};
+use geometry::Pose2;
+use manifold::{Change, Manifold, PatchId};
 use matching::CompactPoints;
 use sensing::Observation;
 
@@ -22,6 +25,7 @@ pub struct Mapper {
     preparation: Preparation,
     front_end: FrontEnd,
     closer: LoopCloser,
+    landmarks: LandmarkCloser,
     pub(crate) map: Map,
     pub(crate) scans: Vec<ScanRecord>,
     statistics: Statistics,
@@ -41,6 +45,7 @@ impl Mapper {
             preparation: Preparation::new(&config),
             front_end: FrontEnd::new(config),
             closer: LoopCloser::new(&config),
+            landmarks: LandmarkCloser::new(&config),
             map: Map::default(),
             scans: Vec::new(),
             statistics: Statistics::default(),
@@ -57,21 +62,24 @@ impl Mapper {
     /// [`Mapper::step`] for an observation prepared elsewhere, on another thread for example.
     pub fn step_prepared(&mut self, prepared: PreparedObservation) -> Vec<Event> {
         let PreparedObservation { mut observation, mut surface } = prepared;
-        observation.odom_from_base =
-            observation.odom_from_base.filter(|odom| self.config.odometry.enabled && is_sane(odom));
+        observation.odom_from_base = self.config.usable_odometry(observation.odom_from_base);
         let stance = self.front_end.level(&mut observation, &mut surface);
         let odom_from_base = observation.odom_from_base;
+        let (stamp, sightings) = (observation.stamp, std::mem::take(&mut observation.sightings));
         let found = self.timed(Stage::Localisation, |m| match stance {
             Stance::Upright => m.front_end.process(observation, &surface, &mut m.map),
             Stance::Tipped => m.front_end.follow(observation, &surface, &mut m.map),
         });
         self.count(&found);
+        let noted = self.map.manifold.sightings().len();
+        note_sightings(&mut self.map, &found, stamp, &sightings);
         let pose = ScanPose { patch: found.patch, patch_from_base: found.patch_from_base };
         let surface = CompactPoints::new(&surface);
-        self.scans.push(ScanRecord { found: pose, pose, odom_from_base, surface });
+        self.scans.push(ScanRecord { found: pose, pose, stamp, odom_from_base, surface });
         if found.is_patch {
             self.close_loops(found.patch);
         }
+        self.close_by_landmarks(noted);
         let mut events = vec![Event::Localised(self.scans.len() - 1, pose)];
         events.extend(self.map.manifold.take_journal().into_iter().map(Event::Map));
         events
@@ -130,25 +138,28 @@ impl Mapper {
     /// Looks for loops that end at a new patch; re-estimates the map when one moves it.
     fn close_loops(&mut self, patch: PatchId) {
         let closures = self.timed(Stage::LoopClosing, |m| m.closer.search(patch, &m.map));
-        if self.relate(&closures) {
+        if relate(&mut self.map, &closures, &self.config) {
             self.optimise();
             self.front_end.relocate(&self.map, patch);
         }
     }
 
-    /// Adds closures to the map; true when one of them moves it noticeably.
-    fn relate(&mut self, closures: &[Closure]) -> bool {
-        let mut moved = false;
-        for closure in closures {
-            let matched = closure.result.covariance * self.config.closing.caution;
-            let covariance = self.config.relation_covariance(&matched, None);
-            let relation = GaussianPose2 { mean: closure.result.pose, covariance };
-            let (from, to) = (closure.from, closure.to);
-            self.map.manifold.relate(from, to, relation, Provenance::LoopClosure);
-            moved |=
-                closure.shift.norm() > NOTICEABLE_M || closure.shift.yaw.abs() > NOTICEABLE_RAD;
+    /// Looks for loops that the landmarks just noted close, those from `first` on.
+    fn close_by_landmarks(&mut self, first: usize) {
+        if self.map.manifold.sightings().len() == first {
+            return;
         }
-        moved
+        let links = self.timed(Stage::LoopClosing, |m| m.landmarks.search(first, &m.map));
+        for link in &links {
+            self.map.manifold.relate(link.from, link.to, link.from_from_to, link.provenance);
+        }
+        self.closer.statistics.tried += links.len();
+        self.closer.statistics.accepted += links.len();
+        let at_once = self.config.merging.landmarks.refit == LandmarkRefit::Continuous;
+        if let Some(link) = links.first().filter(|_| at_once) {
+            self.optimise();
+            self.front_end.relocate(&self.map, link.to);
+        }
     }
 
     /// Searches once more from every patch: the map is known better now than when each was new, and
@@ -157,7 +168,7 @@ impl Mapper {
         let patches: Vec<PatchId> = self.map.manifold.patches().iter().map(|p| p.id).collect();
         let closures = self.timed(Stage::LoopClosing, |m| m.closer.search_all(&patches, &m.map));
         if !closures.is_empty() {
-            self.relate(&closures);
+            relate(&mut self.map, &closures, &self.config);
             self.optimise();
         }
     }
@@ -185,15 +196,3 @@ impl Mapper {
         result
     }
 }
-
-/// Odometry that can be a robot's: finite and on this planet. Anything else counts as missing.
-fn is_sane(odom_from_base: &Pose2) -> bool {
-    odom_from_base.is_finite() && odom_from_base.norm() < LARGEST_ODOMETRY_M
-}
-
-/// The Earth's circumference, metres.
-const LARGEST_ODOMETRY_M: f64 = 4e7;
-
-/// A closure that moves the robot less than this does not call for a new optimisation at once.
-const NOTICEABLE_M: f64 = 0.05;
-const NOTICEABLE_RAD: f64 = 0.01;

@@ -1,9 +1,10 @@
 use crate::ClosingStatistics;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::ops::Add;
 
 /// Counts of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Statistics {
     /// Observations taken.
     pub scans: usize,

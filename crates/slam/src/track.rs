@@ -1,6 +1,7 @@
 use geometry::Pose2;
 use manifold::{Manifold, PatchId};
 use matching::CompactPoints;
+use sensing::Stamp;
 
 /// Where a scan was taken: a pose relative to a patch, so that it moves with the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +26,7 @@ pub(crate) struct ScanRecord {
     pub found: ScanPose,
     /// Where the last global pass has it.
     pub pose: ScanPose,
+    pub stamp: Stamp,
     pub odom_from_base: Option<Pose2>,
     pub surface: CompactPoints,
 }

@@ -1,11 +1,12 @@
 use crate::{Run, SyntheticError};
 use geometry::Pose2;
-use sensing::{BeamClass, Stamp};
+use sensing::{BeamClass, LandmarkKind, Observation, Stamp};
 use std::io::Write;
 
 /// Writes a run's observations as CARMEN text: one `FLASER` line per scan, with the odometry pose
 /// of laser and base. No return reads 81.83 and ranges have two decimals, as scanners of that time
-/// had. Where the attitude is known, an `ATTITUDE` line stands before the scan.
+/// had. Before the scan they belong to stand `LANDMARK` lines, and an `ATTITUDE` line where that is
+/// known.
 ///
 /// # Errors
 /// When the writer fails.
@@ -17,6 +18,7 @@ pub fn write_carmen(run: &Run, out: &mut impl Write) -> Result<(), SyntheticErro
             let (roll, pitch) = (attitude.roll_rad, attitude.pitch_rad);
             writeln!(out, "ATTITUDE {roll:.6} {pitch:.6} {seconds} nohost {seconds}")?;
         }
+        write_sightings(observation, out)?;
         let scan = &observation.scan;
         write!(out, "FLASER {}", scan.len())?;
         for beam in 0..scan.len() {
@@ -30,6 +32,30 @@ pub fn write_carmen(run: &Run, out: &mut impl Write) -> Result<(), SyntheticErro
         for pose in [base * observation.base_from_laser, base] {
             write!(out, " {:.6} {:.6} {:.6}", pose.x, pose.y, pose.yaw)?;
         }
+        writeln!(out, " {seconds} nohost {seconds}")?;
+    }
+    Ok(())
+}
+
+/// Writes what was seen from a scan as `LANDMARK kind id|- x y sxx sxy syy [yaw yaw_variance]
+/// odom_x odom_y odom_yaw stamp host logger_stamp`.
+fn write_sightings(observation: &Observation, out: &mut impl Write) -> Result<(), SyntheticError> {
+    let base = observation.odom_from_base.unwrap_or(Pose2::IDENTITY);
+    let seconds = Seconds(observation.stamp);
+    for sighting in &observation.sightings {
+        let kind = match sighting.kind {
+            LandmarkKind::Victim => "victim",
+            LandmarkKind::Tag => "tag",
+            LandmarkKind::Robot => "robot",
+        };
+        let (id, at) = (sighting.id.as_deref().unwrap_or("-"), sighting.position);
+        let c = &sighting.covariance;
+        write!(out, "LANDMARK {kind} {id} {:.6} {:.6}", at.x, at.y)?;
+        write!(out, " {:.9} {:.9} {:.9}", c[(0, 0)], c[(0, 1)], c[(1, 1)])?;
+        if let Some((yaw, variance)) = sighting.yaw {
+            write!(out, " {yaw:.6} {variance:.9}")?;
+        }
+        write!(out, " {:.6} {:.6} {:.6}", base.x, base.y, base.yaw)?;
         writeln!(out, " {seconds} nohost {seconds}")?;
     }
     Ok(())
@@ -88,6 +114,7 @@ pub fn write_truth(run: &Run, out: &mut impl Write) -> Result<(), SyntheticError
 }
 
 /// A stamp as decimal seconds with six digits, by integer arithmetic.
+#[derive(Clone, Copy)]
 struct Seconds(Stamp);
 
 impl std::fmt::Display for Seconds {

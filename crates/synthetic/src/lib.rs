@@ -14,11 +14,15 @@
 //! then the buildings made of them and the CARMEN writer.
 
 mod buildings;
+mod campus;
+mod campus_parts;
+mod campus_site;
 mod carmen;
 mod drive;
 mod error;
 mod floor_plan;
 mod inertial_unit;
+mod landmarks;
 mod large_buildings;
 mod lobby;
 mod normal;
@@ -39,11 +43,13 @@ mod wood;
 pub use buildings::{
     circular_room, corridor, corridor_run, two_loop_building, two_loop_building_with,
 };
+pub use campus::Campus;
 pub use carmen::{write_carmen, write_relations, write_truth};
 pub use drive::Drive;
 pub use error::SyntheticError;
 pub use floor_plan::{Circle, FloorPlan, Wall};
 pub use inertial_unit::InertialUnit;
+pub use landmarks::{Landmark, LandmarkSensor, misread};
 pub use large_buildings::{hall, office, office_plan, ring_corridor};
 pub use normal::standard_normal;
 pub use ray_caster::{RayCaster, SurfaceHit};

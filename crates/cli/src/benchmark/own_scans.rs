@@ -68,7 +68,7 @@ pub fn place(names: &[String], truth: Option<Pose2>, contenders: &[Contender]) -
         Some(truth) => truth,
         None => agreed(&pair, contenders)?,
     };
-    let stem = |log: &Path| crate::team::stem(log);
+    let stem = |log: &Path| crate::mapping::stem(log);
     let name =
         format!("{}:{} - {}:{}", stem(&first.log), first.number, stem(&second.log), second.number);
     Ok(Place {

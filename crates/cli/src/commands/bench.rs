@@ -42,7 +42,7 @@ pub fn matchers(args: &MatchersArgs, global: &Global) -> Result<Outcome> {
         comparison.degenerate = degenerate::degenerate(args, &contenders, &bar);
     }
     if let Some(log) = &args.log {
-        let name = crate::team::stem(log);
+        let name = crate::mapping::stem(log);
         comparison.log = Some(real_log::agree(&name, &pairs, &contenders, &bar));
     }
     let heat = if with_basins { Some(basins::draw(&places, &contenders, &bar)?) } else { None };

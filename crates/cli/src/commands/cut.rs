@@ -1,8 +1,7 @@
 use crate::Outcome;
 use crate::args::Global;
 use crate::atomic::PendingFile;
-use crate::mapping::first_problems;
-use crate::team::stem;
+use crate::mapping::{LogFacts, stem};
 use crate::terminal::{counted, print};
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -119,7 +118,7 @@ fn survey(args: &CutArgs) -> Result<(Vec<u64>, bool, ReadReport)> {
     let report = reader.finish();
     let (log, wanted) = (args.log.display(), args.pieces);
     if lines.is_empty() {
-        bail!("{log}: no scan in it{}", first_problems(&report));
+        bail!("{log}: no scan in it{}", LogFacts::new(&report, 0.0).first_problems());
     }
     if lines.len() < usize::from(wanted) {
         let scans = counted(lines.len() as u64, "scan");
@@ -154,7 +153,7 @@ fn to_text(summary: &Summary, report: &ReadReport) -> String {
     }
     if report.is_lossy() {
         let lost = counted(report.dropped_count, "dropped line");
-        text += &format!("LOST: {lost}{}\n", first_problems(report));
+        text += &format!("LOST: {lost}{}\n", LogFacts::new(report, 0.0).first_problems());
     }
     text
 }

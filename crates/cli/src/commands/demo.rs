@@ -2,10 +2,10 @@ use crate::Outcome;
 use crate::args::{DemoArgs, Global};
 use crate::commands::map::where_to_look;
 use crate::config::Config;
+use crate::mapping::{LogSource, map_new};
 use crate::result::write_result;
-use crate::result_folder::ResultFolder;
+use crate::result_folder::{ResultFolder, SITE};
 use crate::scoring::AteScore;
-use crate::team::{LogSource, map_team};
 use crate::terminal::print;
 use anyhow::{Context, Result};
 use logs::write_tum;
@@ -18,7 +18,7 @@ const GOOD_M: f64 = 0.1;
 /// Maps a synthetic building and compares the result with the truth.
 pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
     let config = Config::load(&args.config)?;
-    let folder = ResultFolder::create(&args.output)?;
+    let mut folder = ResultFolder::create(&args.output)?;
     let run = two_loop_building(args.seed);
     let (mut log, mut relations) = (Vec::new(), Vec::new());
     write_carmen(&run, &mut log)?;
@@ -29,7 +29,8 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
     let start = Instant::now();
     let path = args.output.join("demo.clf");
     let source = LogSource { name: "demo".into(), path, text: Some(log) };
-    let mapped = map_team(vec![source], &config, global)?;
+    let (mapped, site) = map_new(vec![source], &folder.path(SITE), &config, global)?;
+    folder.keep();
     let poses = &mapped.poses[0];
     let mut truth = Vec::new();
     let stamps = mapped.robots[0].stamps.iter().map(String::as_str);
@@ -44,7 +45,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
         .filter_map(|(seen, truth)| Some((*truth, seen.odom_from_base?)))
         .collect();
     let raw = AteScore::new(&odometry).context("the demo recorded no odometry")?;
-    let metrics = write_result(folder, &mapped, &config, start)?;
+    let metrics = write_result(folder, &mapped, &config, start, site)?;
 
     let verdict = if score.trans_rmse_m <= GOOD_M { "good" } else { "NOT GOOD" };
     let text = format!(

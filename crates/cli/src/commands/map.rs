@@ -1,45 +1,85 @@
 use crate::Outcome;
-use crate::args::{Global, MapArgs};
+use crate::args::{ConfigArgs, Global, MapArgs};
 use crate::config::Config;
 use crate::islands::map_file;
+use crate::mapping::{LogSource, canonical, map_new, map_onto, stored_config};
 use crate::metrics::Metrics;
-use crate::result::write_result;
-use crate::result_folder::ResultFolder;
-use crate::team::{LogSource, canonical, map_team};
+use crate::result::{figures, write_result};
+use crate::result_folder::{CONFIG, ResultFolder, SITE, folder_of, is_same, result_folder_of};
 use crate::terminal::print;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use logs::LogFile;
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
+use store::{SqliteStore, Store};
 
-/// Maps all logs into one result folder, or each into its own.
+/// Maps all logs into one result folder, or each into its own, or onto a map that is there.
 pub fn run(args: &MapArgs, global: &Global) -> Result<Outcome> {
-    let config = Config::load(&args.config)?;
     let sources = canonical(args.logs.iter().map(|log| LogSource::of_file(log)).collect())?;
     // Missing logs and unwritable folders show before hours of mapping, not after.
     for log in &args.logs {
         LogFile::open(log)?;
     }
-    if args.separately {
-        return map_separately(args, sources, &config, global);
+    if let Some(site) = &args.onto {
+        return map_onto_site(site, args, sources, global);
     }
-    let folder = ResultFolder::create(&args.output)?;
+    let config = Config::load(&args.config)?;
+    let output = args.output.as_deref().context("name a result folder: -o DIR")?;
+    if args.separately {
+        return map_separately(output, sources, &config, global);
+    }
+    let folder = ResultFolder::create(output)?;
     let (metrics, lossy) = map_together(sources, folder, &config, global)?;
-    let text = format!("{}\n{}", metrics.to_text(), where_to_look(&args.output, &metrics));
+    let text = format!("{}\n{}", metrics.to_text(), where_to_look(output, &metrics));
     print(global, &text, &metrics)?;
     outcome(lossy, &metrics.failures)
 }
 
-fn map_separately(
+/// Adds logs to the map in a manifold file.
+fn map_onto_site(
+    file: &Path,
     args: &MapArgs,
+    sources: Vec<LogSource>,
+    global: &Global,
+) -> Result<Outcome> {
+    let start = Instant::now();
+    let folder = match &args.output {
+        Some(output) if !is_same(output, folder_of(file)) => Some(ResultFolder::create(output)?),
+        _ => result_folder_of(file)?,
+    };
+    let output = folder.as_ref().map(|folder| folder.target().to_owned());
+    let store = SqliteStore::open(file, env!("CARGO_PKG_VERSION"))?;
+    let config = match (args.config == ConfigArgs::default(), stored_config(store.site())?) {
+        (true, Some(stored)) => stored,
+        _ => Config::load(&args.config)?,
+    };
+    let (mapped, site) = map_onto(sources, store, &config, global)?;
+    let mut text = String::new();
+    let metrics = match folder {
+        Some(mut folder) => {
+            folder.keep();
+            write_result(folder, &mapped, &config, start, site)?
+        }
+        None => figures(&mapped, &config, start, site)?,
+    };
+    let _ = write!(text, "{}\n  manifold file: {}", metrics.to_text(), file.display());
+    if let Some(output) = output {
+        let _ = write!(text, "\n{}", where_to_look(&output, &metrics));
+    }
+    print(global, &text, &metrics)?;
+    outcome(mapped.is_lossy(), &metrics.failures)
+}
+
+fn map_separately(
+    output: &Path,
     sources: Vec<LogSource>,
     config: &Config,
     global: &Global,
 ) -> Result<Outcome> {
     let mut jobs = Vec::new();
     for source in sources {
-        let target = args.output.join(&source.name);
+        let target = output.join(&source.name);
         jobs.push((source, ResultFolder::create(&target)?, target));
     }
     let (mut lossy, mut text, mut all) = (false, String::new(), Vec::new());
@@ -65,13 +105,15 @@ fn map_separately(
 /// Maps logs into a folder; true beside the figures when some of them was lost.
 fn map_together(
     sources: Vec<LogSource>,
-    folder: ResultFolder,
+    mut folder: ResultFolder,
     config: &Config,
     global: &Global,
 ) -> Result<(Metrics, bool)> {
     let start = Instant::now();
-    let mapped = map_team(sources, config, global)?;
-    let metrics = write_result(folder, &mapped, config, start)?;
+    folder.write(CONFIG, config.to_toml().as_bytes())?;
+    let (mapped, site) = map_new(sources, &folder.path(SITE), config, global)?;
+    folder.keep();
+    let metrics = write_result(folder, &mapped, config, start, site)?;
     Ok((metrics, mapped.is_lossy()))
 }
 

@@ -22,6 +22,7 @@ fn the_demo_finds_the_building_and_says_where_to_look() {
         "metrics.json",
         "patches.csv",
         "report.html",
+        "site.manifold",
         "truth.tum",
     ];
     assert_eq!(names(&target), expected);
@@ -194,7 +195,8 @@ fn drawing_again_gives_the_same_map_and_others() {
         short_log().replace("FLASER 181 ", "FLASER 181  ").replace(" nohost", "1 nohost"),
     );
     for (source, log, name) in [
-        (&result, &other, "wrong-log.png"),
+        (&result.join("walk.tum"), &other, "wrong-log.png"),
+        (&result, &log, "needs-no-log.png"),
         (&result, &log, "wrong-ending.bmp"),
         (&scratch.at("nowhere"), &log, "missing.png"),
     ] {

@@ -5,14 +5,14 @@ use std::fs::read;
 use std::path::{Path, PathBuf};
 
 /// The demo's log cut into robots that know nothing of each other.
-fn pieces(scratch: &Scratch, count: usize) -> Vec<PathBuf> {
+pub fn pieces(scratch: &Scratch, count: usize) -> Vec<PathBuf> {
     let log = scratch.file("walk.clf", demo_log());
     let ran = run(args!["cut", log, "--pieces", count.to_string(), "-o", scratch.at("cut")]);
     assert_eq!(ran.code, 0, "{}", ran.err);
     (1..=count).map(|k| scratch.at(&format!("cut/walk-{k}.clf"))).collect()
 }
 
-fn map<'a>(
+pub fn map<'a>(
     logs: impl IntoIterator<Item = &'a PathBuf>,
     target: &Path,
     more: &[&str],
@@ -57,9 +57,15 @@ fn a_run_cut_in_two_is_one_map_in_any_order_on_any_number_of_threads() {
     assert_eq!(map(logs.iter().rev(), &two, &["--threads", "2", "--quiet"]).code, 0);
     let files = names(&one);
     assert_eq!(files, names(&two));
-    for file in files.iter().filter(|f| !["metrics.json", "report.html"].contains(&f.as_str())) {
+    // Three tell times.
+    let timed = ["metrics.json", "report.html", "site.manifold"];
+    for file in files.iter().filter(|file| !timed.contains(&file.as_str())) {
         assert!(read(one.join(file)).unwrap() == read(two.join(file)).unwrap(), "{file} differs");
     }
+    let site = |result: &Path| store::read(&result.join("site.manifold")).unwrap().site;
+    let (one_site, other_site) = (site(&one), site(&two));
+    assert!(store::same_map(&one_site.manifold, &other_site.manifold), "another map is stored");
+    assert_eq!(one_site.trajectories, other_site.trajectories);
     let told = metrics(&one);
     assert_eq!(told["map"]["islands"], 1);
     assert_eq!(told["islands"][0]["robots"], serde_json::json!(["walk-1", "walk-2"]));
@@ -90,6 +96,7 @@ fn unlike_buildings_are_islands_with_a_map_each() {
         "metrics.json",
         "patches.csv",
         "report.html",
+        "site.manifold",
         "small, \"odd\".tum",
     ];
     assert_eq!(names(&result), expected);

@@ -131,3 +131,29 @@ fn the_identity_leaves_lines_as_they_are() {
         .collect();
     assert_eq!(texts[0].lines().collect::<Vec<_>>(), kept);
 }
+
+#[test]
+fn landmarks_go_with_their_scan_and_stay_where_they_are() {
+    let mut text = String::new();
+    for i in 0..12 {
+        let pose = format!("{} 2.0 {}", 0.5 * f64::from(i), 0.1 * f64::from(i));
+        let before = format!("{} 2.0 {}", 0.5 * f64::from(i) - 0.1, 0.1 * f64::from(i) - 0.02);
+        let tail = format!("{before} {i}.75 host 0");
+        text += &format!("LANDMARK tag {i} 1.5 -0.5 0.01 0 0.01 {tail}\n");
+        text += &format!("LANDMARK robot red 3 0.2 0.01 0 0.01 0.7 0.05 {tail}\n");
+        text += &format!("FLASER 3 {i}.25 2.5 1.5 {pose} {pose} {}.0 host 0\n", i + 1);
+    }
+    let (records, _) = read(&text);
+    let pieces = pieces(12, 3, 0.25);
+    let (texts, _) = cut(&text, &pieces, false);
+    for (piece, text) in pieces.iter().zip(&texts) {
+        let (got, report) = read(text);
+        assert_eq!(report.sightings, 2 * piece.scans.len() as u64);
+        for (a, b) in got.iter().zip(&records[piece.scans.clone()]) {
+            for (a, b) in a.observation.sightings.iter().zip(&b.observation.sightings) {
+                assert_eq!((a.kind, &a.id), (b.kind, &b.id));
+                assert!((a.position - b.position).norm() < 1e-7);
+            }
+        }
+    }
+}

@@ -137,8 +137,9 @@ fn svg_is_metric_and_well_formed() {
     assert!(svg.contains("M-2 -3L-1 -4"), "the path, y up: {svg}");
     assert!(svg.contains("&lt;robot &amp; &quot;co&quot;&gt;"));
     let tags = check_tags(&svg, &[]);
-    // The start, two patches, and both ends of a landmark closure, a merge and a rendezvous.
-    assert_eq!(tags.iter().filter(|t| *t == "circle").count(), 3 + 6);
+    // The start, two patches, and both ends of a landmark closure, a merge, a rendezvous and a
+    // landmark.
+    assert_eq!(tags.iter().filter(|t| *t == "circle").count(), 3 + 8);
 }
 
 #[test]

@@ -1,4 +1,5 @@
 use super::ClosingSettings;
+use super::other_robots::OtherRobots;
 use super::signature::{Signature, signature_of};
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2};
@@ -32,6 +33,8 @@ pub(crate) struct Candidates {
     signatures: BTreeMap<PatchId, Signature>,
     /// Patch from which places were last compared by their look.
     last_look: Option<Pose2>,
+    /// Look among other robots' patches instead of the robot's own.
+    others: Option<OtherRobots>,
 }
 
 /// Candidates are this many patches away from the query, so that they are places left and met
@@ -40,7 +43,12 @@ const SETTLED_PATCHES: u32 = 30;
 
 impl Candidates {
     pub fn new(settings: ClosingSettings, limits: SubmapLimits) -> Self {
-        Candidates { settings, limits, signatures: BTreeMap::new(), last_look: None }
+        Candidates { settings, limits, signatures: BTreeMap::new(), last_look: None, others: None }
+    }
+
+    /// Candidates on other robots' patches.
+    pub fn of_others(settings: ClosingSettings, limits: SubmapLimits, others: OtherRobots) -> Self {
+        Candidates { others: Some(others), ..Self::new(settings, limits) }
     }
 
     /// The best places for `query`, best first, spaced apart: patches that are not known well
@@ -86,7 +94,10 @@ impl Candidates {
     /// out.
     pub fn everywhere(&self, query: PatchId, map: &Map) -> Vec<Candidate> {
         let own = map.pose(query);
-        let possible = self.possible(query, true, map);
+        let possible = match &self.others {
+            Some(others) => others.around(query, f64::INFINITY, map),
+            None => self.possible(query, true, map),
+        };
         let known = map.manifold.uncertainty_from(query, &possible);
         let mut chosen: Vec<Candidate> = Vec::new();
         for patch in possible {
@@ -111,6 +122,9 @@ impl Candidates {
     fn possible(&self, query: PatchId, look_due: bool, map: &Map) -> Vec<PatchId> {
         let own = map.pose(query);
         let box_m = self.settings.reach_m + self.settings.window_m;
+        if let Some(others) = &self.others {
+            return others.met(query, if look_due { f64::INFINITY } else { box_m }, map);
+        }
         let patches = map.manifold.patches().iter();
         patches
             .filter(|p| p.id.0.abs_diff(query.0) >= SETTLED_PATCHES)
@@ -135,11 +149,16 @@ impl Candidates {
 
     fn spaced(&self, found: impl Iterator<Item = Candidate>, map: &Map) -> Vec<Candidate> {
         let mut chosen: Vec<Candidate> = Vec::new();
+        let robot = |patch: PatchId| map.manifold.patch(patch).robot;
+        let at_another_time = |a: PatchId, b: PatchId| match self.others {
+            Some(_) => robot(a) != robot(b),
+            None => a.0.abs_diff(b.0) > SETTLED_PATCHES,
+        };
         for candidate in found {
             let here = map.pose(candidate.patch);
             let apart = |c: &Candidate| {
                 map.pose(c.patch).distance(&here) > self.settings.spacing_m
-                    || c.patch.0.abs_diff(candidate.patch.0) > SETTLED_PATCHES
+                    || at_another_time(c.patch, candidate.patch)
             };
             // Looking all round is costly: once per search.
             let by_look = |c: &Candidate| c.area != SearchArea::Believed;

@@ -2,22 +2,28 @@
 //! place, searched by branch and bound, verified, and accepted only in sets that agree with one
 //! another.
 
+mod by_landmark;
 mod candidates;
 mod consistency;
+mod other_robots;
 mod signature;
+mod statistics;
 mod verification;
 
 use crate::SlamConfig;
 use crate::map::Map;
 use candidates::Candidates;
 use consistency::PendingClosures;
-use geometry::Pose2;
-use manifold::PatchId;
+use geometry::{GaussianPose2, Pose2};
+use manifold::{PatchId, Provenance};
 use matching::MatchResult;
+use other_robots::OtherRobots;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::ops::Add;
 
+pub use statistics::{ClosingStatistics, Rejection};
+
+pub(crate) use by_landmark::LandmarkCloser;
 pub(crate) use candidates::{Candidate, SearchArea};
 pub(crate) use signature::{Signature, signature_of};
 pub(crate) use verification::Verifier;
@@ -107,87 +113,6 @@ pub(crate) struct Closure {
     pub alone: bool,
 }
 
-/// Why a candidate did not become a closure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Rejection {
-    /// No pose in the search box scored enough.
-    NotFound,
-    /// Two distinct poses fit about equally well.
-    Ambiguous,
-    /// The best pose does not fit well enough after refinement.
-    PoorFit,
-    /// The match lies too far from what was believed.
-    Implausible,
-    /// One direction is hardly observed: a corridor.
-    Degenerate,
-    /// The query saw through walls of the candidate's submap.
-    SeenThrough,
-    /// No consistent set of closures formed around it.
-    Unsupported,
-}
-
-/// How many candidates were tried and what became of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct ClosingStatistics {
-    /// Candidates verified.
-    pub tried: usize,
-    /// Closures accepted.
-    pub accepted: usize,
-    /// Closures retracted after acceptance.
-    pub retracted: usize,
-    /// Rejections by reason.
-    pub not_found: usize,
-    /// See [`Rejection::Ambiguous`].
-    pub ambiguous: usize,
-    /// See [`Rejection::PoorFit`].
-    pub poor_fit: usize,
-    /// See [`Rejection::SeenThrough`].
-    pub seen_through: usize,
-    /// See [`Rejection::Implausible`].
-    pub implausible: usize,
-    /// See [`Rejection::Degenerate`].
-    pub degenerate: usize,
-    /// See [`Rejection::Unsupported`].
-    pub unsupported: usize,
-    /// Consistent sets that were not accepted because one of their queries fits elsewhere as well.
-    pub rivalled: usize,
-}
-
-impl Add for ClosingStatistics {
-    type Output = ClosingStatistics;
-
-    fn add(self, other: ClosingStatistics) -> ClosingStatistics {
-        ClosingStatistics {
-            tried: self.tried + other.tried,
-            accepted: self.accepted + other.accepted,
-            retracted: self.retracted + other.retracted,
-            not_found: self.not_found + other.not_found,
-            ambiguous: self.ambiguous + other.ambiguous,
-            poor_fit: self.poor_fit + other.poor_fit,
-            seen_through: self.seen_through + other.seen_through,
-            implausible: self.implausible + other.implausible,
-            degenerate: self.degenerate + other.degenerate,
-            unsupported: self.unsupported + other.unsupported,
-            rivalled: self.rivalled + other.rivalled,
-        }
-    }
-}
-
-impl ClosingStatistics {
-    fn count(&mut self, rejection: Rejection) {
-        *match rejection {
-            Rejection::NotFound => &mut self.not_found,
-            Rejection::Ambiguous => &mut self.ambiguous,
-            Rejection::PoorFit => &mut self.poor_fit,
-            Rejection::SeenThrough => &mut self.seen_through,
-            Rejection::Implausible => &mut self.implausible,
-            Rejection::Degenerate => &mut self.degenerate,
-            Rejection::Unsupported => &mut self.unsupported,
-        } += 1;
-    }
-}
-
 /// Finds loops from new patches.
 pub(crate) struct LoopCloser {
     settings: ClosingSettings,
@@ -208,6 +133,17 @@ impl LoopCloser {
             last_query: None,
             statistics: ClosingStatistics::default(),
         }
+    }
+
+    /// Closures between the robots of each island of a map that stays as it is.
+    pub fn between_robots(map: &Map, config: &SlamConfig) -> (Vec<Closure>, ClosingStatistics) {
+        let others = OtherRobots::new(map, config.closing);
+        let queries = others.queries(map);
+        let candidates = Candidates::of_others(config.closing, config.submap, others);
+        let mut closer = LoopCloser { candidates, ..Self::new(config) };
+        let closures = closer.search_all(&queries, map);
+        closer.finish();
+        (closures, closer.statistics)
     }
 
     /// The closures that a new patch completes: verified, and each in a consistent set.
@@ -294,6 +230,22 @@ impl LoopCloser {
     }
 }
 
+/// Adds closures to the map; true when one of them moves it noticeably.
+pub(crate) fn relate(map: &mut Map, closures: &[Closure], config: &SlamConfig) -> bool {
+    let mut moved = false;
+    for closure in closures {
+        let matched = closure.result.covariance * config.closing.caution;
+        let covariance = config.relation_covariance(&matched, None);
+        let relation = GaussianPose2 { mean: closure.result.pose, covariance };
+        map.manifold.relate(closure.from, closure.to, relation, Provenance::LoopClosure);
+        moved |= closure.shift.norm() > NOTICEABLE_M || closure.shift.yaw.abs() > NOTICEABLE_RAD;
+    }
+    moved
+}
+
+/// A closure that moves the robot less than this does not call for a new optimisation at once.
+const NOTICEABLE_M: f64 = 0.05;
+const NOTICEABLE_RAD: f64 = 0.01;
 /// A place farther than this from the one claimed is another one, metres.
 const RIVAL_M: f64 = 1.0;
 /// A closure waits for others to agree with it while this many patches are added.

@@ -5,7 +5,9 @@ use crate::active_submap::ActiveSubmap;
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2, Vector2};
 use manifold::{PatchId, SubmapLimits};
-use matching::{FastMatcher, LinePoint, MatchResult, Prior, SearchSettings, SearchWindow};
+use matching::{
+    FastMatcher, LikelihoodPyramid, LinePoint, MatchResult, Prior, SearchSettings, SearchWindow,
+};
 use std::f64::consts::PI;
 
 /// Compares the surroundings of a query with a candidate's local submap.
@@ -17,6 +19,13 @@ pub(crate) struct Verifier {
     submap: ActiveSubmap,
     /// See `SlamConfig::match_correlation`.
     correlation: f64,
+}
+
+/// A place made ready for queries to be looked for in its submap.
+pub(crate) struct Host {
+    pyramid: LikelihoodPyramid,
+    /// The submap's field is laid: it is needed only once something is found.
+    is_laid: bool,
 }
 
 /// Candidates taken from branch and bound to refinement, to see whether one stands out.
@@ -42,7 +51,26 @@ impl Verifier {
         candidate: &Candidate,
         map: &Map,
     ) -> Result<Closure, Rejection> {
-        let fits = self.fits(query, candidate, map);
+        let mut host = self.host(candidate.patch, map);
+        self.verify_at(&mut host, query, candidate, map)
+    }
+
+    /// Makes a place ready for [`Verifier::verify_at`].
+    pub fn host(&mut self, place: PatchId, map: &Map) -> Host {
+        self.submap.gather(map, place, &self.limits);
+        Host { pyramid: self.submap.pyramid(map), is_laid: false }
+    }
+
+    /// [`Verifier::verify`] in the submap of the place that was made ready last, which is the
+    /// candidate's.
+    pub fn verify_at(
+        &mut self,
+        host: &mut Host,
+        query: PatchId,
+        candidate: &Candidate,
+        map: &Map,
+    ) -> Result<Closure, Rejection> {
+        let fits = self.fits(host, query, candidate, map);
         let best = *fits.first().ok_or(Rejection::NotFound)?;
         let own_share = self.matcher.conclude(&self.submap.field, map.surface(query), best.pose, 0);
         if !best.status.is_usable()
@@ -84,8 +112,31 @@ impl Verifier {
         place_from_query: &Pose2,
         map: &Map,
     ) -> f64 {
-        let surroundings = self.surroundings(query, map);
         self.submap.rebuild(map, place, &self.limits, 1.0);
+        self.contradiction_at(query, place, place_from_query, map)
+    }
+
+    /// [`Verifier::contradiction`] in the submap of the place that was made ready last.
+    pub fn contradiction_in(
+        &mut self,
+        mut host: Host,
+        query: PatchId,
+        place: PatchId,
+        place_from_query: &Pose2,
+        map: &Map,
+    ) -> f64 {
+        self.lay(&mut host, map);
+        self.contradiction_at(query, place, place_from_query, map)
+    }
+
+    fn contradiction_at(
+        &mut self,
+        query: PatchId,
+        place: PatchId,
+        place_from_query: &Pose2,
+        map: &Map,
+    ) -> f64 {
+        let surroundings = self.surroundings(query, map);
         let refined = self.refine(&surroundings, place_from_query);
         let pose = if refined.status.is_usable() && is_near(&refined.pose, place_from_query) {
             refined.pose
@@ -110,7 +161,8 @@ impl Verifier {
         enough: f64,
         map: &Map,
     ) -> Vec<Pose2> {
-        let mut fits = self.fits(query, candidate, map);
+        let mut host = self.host(candidate.patch, map);
+        let mut fits = self.fits(&mut host, query, candidate, map);
         fits.retain(|fit| fit.status.is_usable() && fit.inlier_ratio >= enough);
         fits.retain(|fit| !self.looks_through_walls(query, &fit.pose, candidate, map));
         fits.iter().map(|fit| fit.pose).collect()
@@ -118,18 +170,30 @@ impl Verifier {
 
     /// The best poses of a query, seen from the candidate, refined, those that fit best first. The
     /// candidate's submap is laid for them.
-    fn fits(&mut self, query: PatchId, candidate: &Candidate, map: &Map) -> Vec<MatchResult> {
-        self.submap.gather(map, candidate.patch, &self.limits);
+    fn fits(
+        &mut self,
+        host: &mut Host,
+        query: PatchId,
+        candidate: &Candidate,
+        map: &Map,
+    ) -> Vec<MatchResult> {
         let surroundings = self.surroundings(query, map);
-        let found = self.search(&surroundings, candidate, map);
+        let found = self.search(&surroundings, candidate, &host.pyramid);
         if found.is_empty() {
             return Vec::new();
         }
-        self.submap.lay(map, 1.0);
+        self.lay(host, map);
         let mut fits: Vec<MatchResult> =
             found.iter().map(|pose| self.refine(&surroundings, pose)).collect();
         fits.sort_by(|a, b| b.inlier_ratio.total_cmp(&a.inlier_ratio));
         fits
+    }
+
+    fn lay(&mut self, host: &mut Host, map: &Map) {
+        if !host.is_laid {
+            self.submap.lay(map, 1.0);
+            host.is_laid = true;
+        }
     }
 
     /// Line points of the query's own local submap, thinned, in the query's frame.
@@ -150,7 +214,12 @@ impl Verifier {
     }
 
     /// Grid poses of the query in the candidate's frame by branch and bound, best first.
-    fn search(&self, surroundings: &[LinePoint], candidate: &Candidate, map: &Map) -> Vec<Pose2> {
+    fn search(
+        &self,
+        surroundings: &[LinePoint],
+        candidate: &Candidate,
+        pyramid: &LikelihoodPyramid,
+    ) -> Vec<Pose2> {
         let s = &self.settings;
         let belief = &candidate.patch_from_query;
         let half = |i: usize| s.sigmas * belief.covariance[(i, i)].sqrt();
@@ -162,7 +231,6 @@ impl Verifier {
         let window = SearchWindow { centre, half_x_m: half_m, half_y_m: half_m, half_yaw_rad };
         let points: Vec<Vector2<f32>> =
             surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
-        let pyramid = self.submap.pyramid(map);
         let settings = SearchSettings {
             min_score: s.min_score,
             candidates: RIVALS,

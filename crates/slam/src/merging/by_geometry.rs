@@ -1,6 +1,6 @@
 use super::evidence::{Evidence, examine};
 use super::places::PlaceIndex;
-use super::recognition::{PlaceMatch, recognise};
+use super::recognition::{PlaceMatch, Recognition};
 use super::sets::agreeing_sets;
 use super::{EvidenceCounts, Link, Proposal};
 use crate::SlamConfig;
@@ -41,51 +41,112 @@ const SAME_RAD: f64 = 0.15;
 /// Place recognition between islands: matches are found once, and grouped anew as islands join.
 pub(super) struct GeometricMerging {
     index: PlaceIndex,
+    recognition: Recognition,
     matches: Vec<PlaceMatch>,
-    /// Comparisons made.
-    pub tried: usize,
     /// See [`USUALLY_THROUGH`].
     usually_through: f64,
 }
 
 impl GeometricMerging {
-    /// Compares the places of all islands.
+    /// Finds places on all islands; none is compared yet.
     pub fn new(map: &Map, config: &SlamConfig) -> Self {
         let islands = map.manifold.component_map();
         let spacing_m = config.merging.spacing_m;
         let index = PlaceIndex::new(map, &islands, &config.submap, spacing_m);
-        let (matches, tried) = recognise(map, &index, config);
+        let recognition = Recognition::new(map, &index, &config.merging);
         let usually_through = usually_through(map, config);
-        GeometricMerging { index, matches, tried, usually_through }
+        GeometricMerging { index, recognition, matches: Vec::new(), usually_through }
     }
 
-    /// How the islands may lie to each other, for every pair that has matches.
-    pub fn propose(&self, map: &Map, islands: &Islands, config: &SlamConfig) -> Vec<Proposal> {
+    /// Compares more places of islands that are still apart; false when all were compared.
+    pub fn look(&mut self, map: &Map, islands: &Islands, config: &SlamConfig) -> bool {
+        let found = self.recognition.next_pass(map, islands, config);
+        self.matches.extend(found.iter().flatten());
+        found.is_some()
+    }
+
+    /// Comparisons made.
+    pub fn tried(&self) -> usize {
+        self.recognition.tried
+    }
+
+    /// Pairs of islands whose matches agree, of which one at least is new.
+    pub fn pairs(
+        &self,
+        map: &Map,
+        islands: &Islands,
+        is_new: impl Fn(usize) -> bool,
+        config: &SlamConfig,
+    ) -> Vec<IslandPair> {
+        let mut pairs: BTreeMap<(usize, usize), Vec<PlaceMatch>> = BTreeMap::new();
+        for m in &self.matches {
+            let m = larger_first(*m, islands);
+            let (target, source) = (islands.of(m.from), islands.of(m.to));
+            if target != source && (is_new(target) || is_new(source)) {
+                pairs.entry((target, source)).or_default().push(m);
+            }
+        }
+        let pairs: Vec<Vec<PlaceMatch>> = pairs.into_values().collect();
+        let agreeing = |matches: Vec<PlaceMatch>| {
+            let mut sets: Vec<Vec<PlaceMatch>> = by_height(map, &matches)
+                .iter()
+                .flat_map(|group| agreeing_sets(map, group, config.merging.least_agreeing))
+                .collect();
+            sets.sort_by_key(|set| std::cmp::Reverse(set.len()));
+            (!sets.is_empty()).then_some(IslandPair { matches, sets })
+        };
+        pairs.into_par_iter().filter_map(agreeing).collect()
+    }
+
+    /// How the islands of some pairs may lie to each other.
+    pub fn propose(
+        &self,
+        map: &Map,
+        islands: &Islands,
+        pairs: &[IslandPair],
+        config: &SlamConfig,
+    ) -> Vec<Proposal> {
         let grid = PatchGrid::new(map, islands, GRID_M);
         let mut places: Vec<Vec<PatchId>> = vec![Vec::new(); islands.members.len()];
         for place in &self.index.places {
             places[islands.of(place.patch)].push(place.patch);
         }
-        let mut pairs: BTreeMap<(usize, usize), Vec<PlaceMatch>> = BTreeMap::new();
-        for m in &self.matches {
-            let m = larger_first(*m, islands);
-            let (target, source) = (islands.of(m.from), islands.of(m.to));
-            if target != source {
-                pairs.entry((target, source)).or_default().push(m);
-            }
-        }
-        let pairs: Vec<((usize, usize), Vec<PlaceMatch>)> = pairs.into_iter().collect();
-        let best = |((_, source), matches): &((usize, usize), Vec<PlaceMatch>)| {
-            let examined: Vec<(usize, Evidence)> = by_height(map, matches)
-                .iter()
-                .flat_map(|m| agreeing_sets(map, m, config.merging.least_agreeing))
-                .map(|set| {
-                    (set.len(), examine(map, islands, &set, &places[*source], &grid, config))
-                })
-                .collect();
-            choose(map, examined, self.usually_through)
+        let best = |pair: &IslandPair| {
+            let source = &places[pair.ends(islands).1];
+            let look =
+                |set: &Vec<_>| (set.len(), examine(map, islands, set, source, &grid, config));
+            let examined: Vec<(usize, Evidence)> = pair.sets.iter().map(look).collect();
+            choose(map, examined, self.usually_through, config.merging.false_merges)
         };
         pairs.par_iter().filter_map(best).collect()
+    }
+}
+
+/// Two islands with their matches.
+pub(super) struct IslandPair {
+    /// All of them, from the target to the source.
+    matches: Vec<PlaceMatch>,
+    /// Those that agree, the largest set first; at least one.
+    sets: Vec<Vec<PlaceMatch>>,
+}
+
+impl IslandPair {
+    /// The indices of the two islands, target first.
+    pub fn ends(&self, islands: &Islands) -> (usize, usize) {
+        (islands.of(self.matches[0].from), islands.of(self.matches[0].to))
+    }
+
+    /// How many matches agree.
+    pub fn agreeing(&self) -> usize {
+        self.sets[0].len()
+    }
+
+    /// What tells the pair from another one: its matches.
+    pub fn key(&self) -> Vec<[PatchId; 2]> {
+        let mut key: Vec<_> =
+            self.matches.iter().map(|m| [m.from.min(m.to), m.from.max(m.to)]).collect();
+        key.sort_unstable();
+        key
     }
 }
 
@@ -132,7 +193,12 @@ fn by_height(map: &Map, matches: &[PlaceMatch]) -> Vec<Vec<PlaceMatch>> {
 }
 
 /// The best alignment of two islands, doubted as far as another one has evidence too.
-fn choose(map: &Map, examined: Vec<(usize, Evidence)>, usually_through: f64) -> Option<Proposal> {
+fn choose(
+    map: &Map,
+    examined: Vec<(usize, Evidence)>,
+    usually_through: f64,
+    most_false: f64,
+) -> Option<Proposal> {
     let bound = |e: &Evidence| -> f64 {
         let beyond = (e.seen_through - usually_through - MARGIN_THROUGH).max(0.0);
         FALSE_FIT.powi(e.agreeing as i32 - 1)
@@ -167,6 +233,7 @@ fn choose(map: &Map, examined: Vec<(usize, Evidence)>, usually_through: f64) -> 
         },
         links: evidence.links.iter().map(link).collect(),
         false_bound: own_bound.max(rival).min(1.0),
+        most_false,
     })
 }
 

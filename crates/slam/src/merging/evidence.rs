@@ -144,10 +144,11 @@ fn expect(
 fn judge(verifier: &mut Verifier, e: &Expected, map: &Map, config: &SlamConfig) -> Verdict {
     let patch_from_query = e.near_from_place;
     let candidate = Candidate { patch: e.near, patch_from_query, area: SearchArea::Believed };
-    let found = verifier.verify(e.place, &candidate, map).ok();
+    let mut host = verifier.host(e.near, map);
+    let found = verifier.verify_at(&mut host, e.place, &candidate, map).ok();
     let link = found.map(|closure| PlaceMatch::new(e.near, e.place, &closure.result, config));
     let pose = link.map_or(e.near_from_place.mean, |link| link.from_from_to.mean);
-    let through = verifier.contradiction(e.place, e.near, &pose, map).max(0.0);
+    let through = verifier.contradiction_in(host, e.place, e.near, &pose, map).max(0.0);
     Verdict { link, through }
 }
 

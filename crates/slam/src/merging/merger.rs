@@ -1,10 +1,14 @@
+use super::agenda::{Agenda, firsts};
 use super::by_geometry::GeometricMerging;
+use super::landmarks::propose_by_landmarks;
+use super::together::together;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
 use crate::elevation::estimate_elevations;
 use crate::map::Map;
-use crate::refit::{doubt_relations, optimise_relations};
-use manifold::{Islands, PatchId, Provenance, RelationId, Retraction};
+use crate::refit::{doubt_relations, optimise_islands};
+use crate::track::ScanRecord;
+use manifold::{Islands, PatchId, Provenance, RelationId, RelationState, Retraction};
 use std::collections::BTreeSet;
 
 /// Joins a team's islands.
@@ -26,67 +30,130 @@ const WORTH_TELLING: f64 = 0.1;
 const MOST_PROVISIONAL: usize = 10;
 
 impl Merger {
-    /// Joins islands as long as the evidence suffices. In every round each island takes part in one
-    /// merge at most, the surest first; what joined is looked at anew, as one island has more to
-    /// compare than its parts.
-    pub fn run(&mut self, map: &mut Map, config: &SlamConfig) {
-        let geometry = GeometricMerging::new(map, config);
-        self.tried += geometry.tried;
-        loop {
-            let islands = map.manifold.component_map();
-            let mut proposals = geometry.propose(map, &islands, config);
-            proposals.retain(|p| !taken_back_by_user(map, &islands, p));
-            proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
-            if !self.join_surest(map, &islands, &proposals, config) {
-                self.put_on_record(map, &islands, &proposals);
-                break;
-            }
-            self.contradicted += optimise_relations(map, config).len();
-            estimate_elevations(map);
-            self.optimisations += 1;
-            // Where all that was joined has come apart again, nothing new is to be learnt.
-            if map.manifold.component_map().members.len() == islands.members.len() {
-                break;
+    /// Joins islands as long as the evidence suffices. Where nothing joins any more further places
+    /// are compared; landmarks are heard when all places were. `tracks` are the robots' scans, in
+    /// the order of the robots.
+    pub fn run(&mut self, map: &mut Map, tracks: &[&[ScanRecord]], config: &SlamConfig) {
+        let mut geometry = config.merging.geometry.then(|| GeometricMerging::new(map, config));
+        let mut islands = map.manifold.component_map();
+        let mut left = Vec::new();
+        let by_landmarks = |map: &Map, islands: &Islands, is_new: &dyn Fn(usize) -> bool| {
+            propose_by_landmarks(map, islands, tracks, is_new, config)
+        };
+        if let Some(geometry) = &mut geometry {
+            while islands.members.len() > 1 && geometry.look(map, &islands, config) {
+                left =
+                    self.join_all(map, &mut islands, Some(geometry), by_landmarks, false, config);
             }
         }
+        if islands.members.len() > 1 && !map.manifold.sightings().is_empty() {
+            let geometry = geometry.as_ref();
+            left = self.join_all(map, &mut islands, geometry, by_landmarks, true, config);
+        }
+        self.tried += geometry.as_ref().map_or(0, GeometricMerging::tried);
+        self.put_on_record(map, &islands, &left);
         // A merge whose relations were all found wrong is none.
         let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
-    /// Joins islands whose proposals are sure enough; true if any were.
-    fn join_surest(
+    /// Joins islands by what was compared so far together with what landmarks say, `alone` also by
+    /// landmarks without any place; the proposals that are left.
+    fn join_all(
         &mut self,
         map: &mut Map,
-        islands: &Islands,
-        proposals: &[Proposal],
+        islands: &mut Islands,
+        geometry: Option<&GeometricMerging>,
+        by_landmarks: impl Fn(&Map, &Islands, &dyn Fn(usize) -> bool) -> Vec<Proposal>,
+        alone: bool,
         config: &SlamConfig,
-    ) -> bool {
-        let mut busy = BTreeSet::new();
-        let sure = proposals.iter().filter(|p| p.false_bound <= config.merging.false_merges);
-        let mut any = false;
-        for proposal in sure {
-            let Some((target, source)) = proposal.ends(islands) else { continue };
-            if busy.contains(&target) || busy.contains(&source) {
+    ) -> Vec<Proposal> {
+        let look = |map: &Map, islands: &Islands, is_new: &dyn Fn(usize) -> bool| {
+            geometry.map_or_else(Vec::new, |g| g.pairs(map, islands, is_new, config))
+        };
+        let mut agenda = Agenda::default();
+        agenda.add(look(map, islands, &|_| true));
+        let mut known = by_landmarks(map, islands, &|_| true);
+        let mut unsure: Vec<Proposal> = Vec::new();
+        loop {
+            let pairs = agenda.next(islands);
+            let is_heard = pairs.is_empty();
+            let by_geometry = match geometry {
+                _ if is_heard => unsure.clone(),
+                Some(geometry) => geometry.propose(map, islands, &pairs, config),
+                None => Vec::new(),
+            };
+            let mut landmarks = known.clone();
+            if !(is_heard && alone) {
+                landmarks.retain(|p| {
+                    by_geometry.iter().any(|g| pair_of(g, islands) == pair_of(p, islands))
+                });
+            }
+            let mut found = together(map, islands, by_geometry.clone(), landmarks);
+            found.retain(|p| {
+                !taken_back_by_user(map, islands, p) && !agenda.is_refused(p.ends(islands), islands)
+            });
+            let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(Proposal::is_sure);
+            if sure.is_empty() && is_heard {
+                return others;
+            }
+            if !is_heard {
+                // Without what landmarks say: that is asked again.
+                unsure.extend(by_geometry);
+            }
+            if sure.is_empty() {
                 continue;
             }
-            busy.extend([target, source]);
+            let sure = disjoint(sure, islands);
+            let ends = self.join(map, islands, &sure);
+            *islands = map.manifold.component_map();
+            let which = ends.iter().map(|&patch| islands.of(patch)).collect();
+            self.contradicted += optimise_islands(map, islands, &which, config).len();
+            estimate_elevations(map);
+            self.optimisations += 1;
+            *islands = map.manifold.component_map();
+            let new: BTreeSet<usize> = ends.iter().map(|&patch| islands.of(patch)).collect();
+            let is_new = |island: usize| new.contains(&island);
+            let is_old = |(a, b): (usize, usize)| !is_new(a) && !is_new(b);
+            unsure.retain(|p| p.ends(islands).is_some_and(is_old));
+            agenda.forget(|pair| !is_old(pair.ends(islands)));
+            // What has come apart again is not tried another time.
+            let apart = |p: &Proposal| {
+                p.ends(islands).filter(|(a, b)| a != b).map(|ends| firsts(ends, islands))
+            };
+            agenda.refuse(sure.iter().filter_map(apart));
+            agenda.add(look(map, islands, &is_new));
+            known.retain(|p| p.ends(islands).is_some_and(is_old));
+            known.extend(by_landmarks(map, islands, &is_new));
+        }
+    }
+
+    /// Joins islands that are all different; returns patches of all of them.
+    fn join(&mut self, map: &mut Map, islands: &Islands, proposals: &[Proposal]) -> Vec<PatchId> {
+        let mut ends = Vec::new();
+        for proposal in proposals {
+            let Some((target, source)) = proposal.ends(islands) else { continue };
             let relations = join(map, islands, proposal);
-            for id in doubt_relations(map, &relations) {
+            let mut island = [&islands.members[target][..], &islands.members[source]].concat();
+            island.sort_unstable();
+            for id in doubt_relations(map, &island, &relations) {
                 map.manifold.retract(id, Retraction::Contradicted);
                 self.contradicted += 1;
             }
-            any |= relations.iter().any(|&id| map.manifold.relation(id).is_active());
+            ends.extend([islands.members[target][0], islands.members[source][0]]);
+            ends.extend(proposal.links.iter().flat_map(|link| [link.from, link.to]));
             self.note(map, islands, proposal, relations, MergeState::Merged);
         }
-        any
+        ends
     }
 
     /// Notes what is likely but not sure enough.
     fn put_on_record(&mut self, map: &mut Map, islands: &Islands, proposals: &[Proposal]) {
         for proposal in proposals.iter().filter(|p| p.false_bound < WORTH_TELLING) {
-            let propose =
-                |l: &super::Link| map.manifold.propose(l.from, l.to, l.from_from_to, l.provenance);
+            let propose = |l: &super::Link| match on_record(map, l) {
+                Some(id) => id,
+                None => map.manifold.propose(l.from, l.to, l.from_from_to, l.provenance),
+            };
             let relations = proposal.links.iter().take(MOST_PROVISIONAL).map(propose).collect();
             self.note(map, islands, proposal, relations, MergeState::Provisional);
         }
@@ -113,6 +180,15 @@ impl Merger {
     }
 }
 
+/// The relation of a link that was proposed already.
+fn on_record(map: &Map, link: &super::Link) -> Option<RelationId> {
+    let same = |r: &&manifold::Relation| {
+        (r.from, r.to, r.provenance, r.state)
+            == (link.from, link.to, link.provenance, RelationState::Provisional)
+    };
+    map.manifold.relations().iter().find(same).map(|r| r.id)
+}
+
 /// The robots of some patches, by name.
 fn names(map: &Map, patches: &[PatchId]) -> Vec<String> {
     let ids: BTreeSet<_> = patches.iter().map(|&p| map.manifold.patch(p).robot).collect();
@@ -127,8 +203,30 @@ fn taken_back_by_user(map: &Map, islands: &Islands, proposal: &Proposal) -> bool
     let Some(ends) = proposal.ends(islands) else { return false };
     map.manifold.relations().iter().any(|r| {
         let across = (islands.of(r.from), islands.of(r.to));
-        r.state == manifold::RelationState::Retracted(Retraction::ByUser)
+        r.state == RelationState::Retracted(Retraction::ByUser)
             && robot(r.from) != robot(r.to)
             && (across == ends || across == (ends.1, ends.0))
     })
+}
+
+/// Of proposals those that each have their islands for themselves, the surest first.
+fn disjoint(mut proposals: Vec<Proposal>, islands: &Islands) -> Vec<Proposal> {
+    proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
+    let mut busy = BTreeSet::new();
+    let mut is_free = |p: &Proposal| {
+        p.ends(islands).is_some_and(|(a, b)| {
+            let free = !busy.contains(&a) && !busy.contains(&b);
+            if free {
+                busy.extend([a, b]);
+            }
+            free
+        })
+    };
+    proposals.retain(|p| is_free(p));
+    proposals
+}
+
+/// The two islands of a proposal, in order.
+fn pair_of(proposal: &Proposal, islands: &Islands) -> Option<(usize, usize)> {
+    proposal.ends(islands).map(|(a, b)| (a.min(b), a.max(b)))
 }

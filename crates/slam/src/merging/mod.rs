@@ -1,18 +1,27 @@
 //! Joining islands where evidence says how they lie to each other (thesis 5.4.4).
 
+mod agenda;
 mod by_geometry;
 mod evidence;
+mod landmarks;
 mod merger;
 mod places;
 mod recognition;
 mod sets;
+mod together;
 
+pub(crate) use landmarks::{GATE_CHI2, carried, places_of, point_jacobian, revisit, turned};
+pub use landmarks::{
+    IslandLandmark, IslandLandmarks, LandmarkAlignment, LandmarkRefit, LandmarkSettings,
+    compare_landmarks,
+};
 pub(crate) use merger::Merger;
 
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2};
 use manifold::{Islands, PatchId, Provenance, RelationId};
 use serde::{Deserialize, Serialize};
+use std::ops::Add;
 
 /// Joining islands.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,6 +29,8 @@ use serde::{Deserialize, Serialize};
 pub struct MergingSettings {
     /// Look for merges.
     pub enabled: bool,
+    /// Look for them by geometry: places that look alike.
+    pub geometry: bool,
     /// Islands are joined only when the chance that this is wrong is bounded by so much; what falls
     /// short is put on record as provisional. The default lets five places that fit pass.
     pub false_merges: f64,
@@ -39,12 +50,15 @@ pub struct MergingSettings {
     pub share: f64,
     /// Matches that must agree before a merge is looked into.
     pub least_agreeing: usize,
+    /// Joining them by landmarks, and closing loops by them.
+    pub landmarks: LandmarkSettings,
 }
 
 impl Default for MergingSettings {
     fn default() -> Self {
         MergingSettings {
             enabled: true,
+            geometry: true,
             false_merges: 1.1e-4,
             spacing_m: 2.0,
             candidates: 10,
@@ -54,6 +68,7 @@ impl Default for MergingSettings {
             query_patches: 8,
             share: 0.6,
             least_agreeing: 3,
+            landmarks: LandmarkSettings::default(),
         }
     }
 }
@@ -69,10 +84,12 @@ pub(crate) struct Proposal {
     pub links: Vec<Link>,
     /// Bound on the chance that the proposal is wrong.
     pub false_bound: f64,
+    /// With evidence of this kind that may be so much.
+    pub most_false: f64,
 }
 
 /// What speaks for and against a merge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EvidenceCounts {
     /// Matches that agree pairwise about how the islands lie to each other.
     pub matches: usize,
@@ -89,8 +106,24 @@ pub struct EvidenceCounts {
     pub seen_through_per_mille: u32,
 }
 
+impl Add for EvidenceCounts {
+    type Output = Self;
+
+    /// The counts of two kinds of evidence for the same.
+    fn add(self, other: Self) -> Self {
+        EvidenceCounts {
+            matches: self.matches + other.matches,
+            agreeing: self.agreeing + other.agreeing,
+            contradicting: self.contradicting + other.contradicting,
+            places: self.places + other.places,
+            fitting: self.fitting + other.fitting,
+            seen_through_per_mille: self.seen_through_per_mille.max(other.seen_through_per_mille),
+        }
+    }
+}
+
 /// What became of a proposal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MergeState {
     /// The islands were joined.
@@ -100,7 +133,7 @@ pub enum MergeState {
 }
 
 /// A merge that was made or considered.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Merge {
     /// Names of the robots on the two islands, as they were then.
     pub robots: [Vec<String>; 2],
@@ -128,6 +161,11 @@ pub(crate) struct Link {
 }
 
 impl Proposal {
+    /// True when the evidence suffices to join the islands.
+    pub fn is_sure(&self) -> bool {
+        self.false_bound <= self.most_false
+    }
+
     /// The indices of the two islands, target first.
     pub fn ends(&self, islands: &Islands) -> Option<(usize, usize)> {
         let link = self.links.first()?;

@@ -4,9 +4,10 @@ use crate::SlamConfig;
 use crate::loop_closing::{Candidate, ClosingSettings, SearchArea, Verifier};
 use crate::map::Map;
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::{Elevation, PatchId};
+use manifold::{Elevation, Islands, PatchId};
 use matching::MatchResult;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Two patches of different islands whose surroundings fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,50 +25,77 @@ pub(super) struct PlaceMatch {
 /// Nothing is known of where the query is: standard deviations, metres and radians.
 const ANYWHERE_STD: [f64; 3] = [1e3, 1e3, 1e3];
 
-/// Compares every place with those of other islands that look most like it. Also tells how many
-/// comparisons that took.
-pub(super) fn recognise(
-    map: &Map,
-    index: &PlaceIndex,
-    config: &SlamConfig,
-) -> (Vec<PlaceMatch>, usize) {
-    let settings = &config.merging;
-    let pairs: Vec<(PatchId, PatchId)> = index
-        .places
-        .par_iter()
-        .flat_map_iter(|query: &Place| {
-            let alike = index.alike(map, query, settings.candidates, settings.apart_m);
-            alike.into_iter().map(|place| (query.patch, place.patch))
-        })
-        .collect();
-    let verifier = Verifier::new(&config.for_merging());
-    let found: Vec<Option<PlaceMatch>> = pairs
-        .par_iter()
-        .map_init(
-            || verifier.clone(),
-            |verifier, &(query, place)| {
-                let found = find(verifier, query, place, map, settings)?;
-                Some(PlaceMatch::new(place, query, &found, config))
-            },
-        )
-        .collect();
-    let matches = found.into_iter().flatten().collect();
-    (matches, pairs.len())
+/// Comparisons of places that are left to make, in passes: those that look most alike come first.
+#[derive(Clone, Debug)]
+pub(super) struct Recognition {
+    /// What is compared in each pass, the last pass first: a place, and what is looked for there.
+    passes: Vec<Vec<[PatchId; 2]>>,
+    /// Comparisons made.
+    pub tried: usize,
 }
 
-/// The query seen from a place, looked for all round it.
-fn find(
+/// Of the places that look most like one so many are compared with it in the first pass. Where that
+/// joins all islands the others need not be.
+const FIRST_CANDIDATES: usize = 3;
+
+impl Recognition {
+    /// Plans to compare every place with those of other islands that look most like it.
+    pub fn new(map: &Map, index: &PlaceIndex, settings: &MergingSettings) -> Self {
+        let alike = |query: &Place| {
+            let alike = index.alike(map, query, settings.candidates, settings.apart_m);
+            alike.into_iter().map(|place| [place.patch, query.patch]).collect::<Vec<_>>()
+        };
+        let alike: Vec<Vec<[PatchId; 2]>> = index.places.par_iter().map(alike).collect();
+        let pass = |ranks: Range<usize>| {
+            let best = |pairs: &Vec<[PatchId; 2]>| {
+                pairs[ranks.start.min(pairs.len())..ranks.end.min(pairs.len())].to_vec()
+            };
+            let mut pairs: Vec<[PatchId; 2]> = alike.iter().flat_map(best).collect();
+            pairs.sort_unstable();
+            pairs
+        };
+        let passes = vec![pass(FIRST_CANDIDATES..settings.candidates), pass(0..FIRST_CANDIDATES)];
+        Recognition { passes, tried: 0 }
+    }
+
+    /// Makes the next pass, between islands that are still apart; `None` after the last.
+    pub fn next_pass(
+        &mut self,
+        map: &Map,
+        islands: &Islands,
+        config: &SlamConfig,
+    ) -> Option<Vec<PlaceMatch>> {
+        let mut pairs = self.passes.pop()?;
+        pairs.retain(|pair| islands.of(pair[0]) != islands.of(pair[1]));
+        self.tried += pairs.len();
+        let places: Vec<&[[PatchId; 2]]> = pairs.chunk_by(|a, b| a[0] == b[0]).collect();
+        let verifier = Verifier::new(&config.for_merging());
+        let found: Vec<Vec<PlaceMatch>> = places
+            .par_iter()
+            .map_init(|| verifier.clone(), |verifier, pairs| matches(verifier, pairs, map, config))
+            .collect();
+        Some(found.into_iter().flatten().collect())
+    }
+}
+
+/// The queries that are found at a place, each looked for all round it.
+fn matches(
     verifier: &mut Verifier,
-    query: PatchId,
-    place: PatchId,
+    pairs: &[[PatchId; 2]],
     map: &Map,
-    settings: &MergingSettings,
-) -> Option<MatchResult> {
+    config: &SlamConfig,
+) -> Vec<PlaceMatch> {
+    let Some(&[place, _]) = pairs.first() else { return Vec::new() };
     let covariance = Matrix3::from_diagonal(&Vector3::from(ANYWHERE_STD).map(|std| std * std));
     let patch_from_query = GaussianPose2 { mean: Pose2::IDENTITY, covariance };
-    let area = SearchArea::Around(settings.window_m);
+    let area = SearchArea::Around(config.merging.window_m);
     let candidate = Candidate { patch: place, patch_from_query, area };
-    verifier.verify(query, &candidate, map).map(|closure| closure.result).ok()
+    let mut host = verifier.host(place, map);
+    let find = |&[_, query]: &[PatchId; 2]| {
+        let closure = verifier.verify_at(&mut host, query, &candidate, map).ok()?;
+        Some(PlaceMatch::new(place, query, &closure.result, config))
+    };
+    pairs.iter().filter_map(find).collect()
 }
 
 impl PlaceMatch {

@@ -15,7 +15,16 @@ pub(super) struct IslandGraphs<'a> {
 impl<'a> IslandGraphs<'a> {
     /// The patches where they are now, without edges.
     pub fn new(map: &Map, islands: &'a Islands) -> Self {
-        let graphs = islands.members.iter().map(|island| graph_of(map, island)).collect();
+        Self::of(map, islands, |_| true)
+    }
+
+    /// [`IslandGraphs::new`] for some of the islands alone; the others' patches stay where they
+    /// are.
+    pub fn of(map: &Map, islands: &'a Islands, has: impl Fn(usize) -> bool) -> Self {
+        let graph = |(index, island): (usize, &Vec<PatchId>)| {
+            graph_of(map, if has(index) { island } else { &[] })
+        };
+        let graphs = islands.members.iter().enumerate().map(graph).collect();
         IslandGraphs { islands, graphs }
     }
 

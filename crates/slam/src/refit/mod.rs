@@ -14,7 +14,7 @@ use crate::map::Map;
 use breadth_first::refit_breadth_first;
 use geometry::{LieGroup, Matrix3, Pose2};
 use graphs::IslandGraphs;
-use manifold::{PatchId, Relation, RelationId, Retraction};
+use manifold::{Islands, PatchId, Relation, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
 use optimizer::{Edge, EdgeKind, Kernel, Settings};
 use overlaps::{Overlap, measure_overlaps};
@@ -89,7 +89,18 @@ impl Default for RefitSettings {
 /// the rest are retracted; returns them.
 pub(crate) fn optimise_relations(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
     let islands = map.manifold.component_map();
-    let mut graphs = IslandGraphs::new(map, &islands);
+    let all = (0..islands.members.len()).collect();
+    optimise_islands(map, &islands, &all, config)
+}
+
+/// [`optimise_relations`] on some of the islands.
+pub(crate) fn optimise_islands(
+    map: &mut Map,
+    islands: &Islands,
+    which: &BTreeSet<usize>,
+    config: &SlamConfig,
+) -> Vec<RelationId> {
+    let mut graphs = IslandGraphs::of(map, islands, |island| which.contains(&island));
     let closures = graphs.add_relations(map, |_| 1.0);
     let reports = graphs.solve(map, &config.refit.quickly());
     let weight = |(island, edge): (usize, usize)| {
@@ -141,13 +152,14 @@ fn laid_out(map: &Map, first: PatchId) -> Vec<(PatchId, Pose2)> {
     placed
 }
 
-/// Of some relations between patches of one island those that graduated non-convexity finds to
-/// contradict the rest. The island's patches move to where the others have them.
-pub(crate) fn doubt_relations(map: &mut Map, doubted: &[RelationId]) -> Vec<RelationId> {
-    let Some(&first) = doubted.first() else { return Vec::new() };
-    let islands = map.manifold.component_map();
-    let island = islands.of(map.manifold.relation(first).from);
-    graphs::doubt(map, &islands.members[island], doubted)
+/// Of some relations between patches of an island, given by its patches, those that graduated
+/// non-convexity finds to contradict the rest. The patches move to where the others have them.
+pub(crate) fn doubt_relations(
+    map: &mut Map,
+    island: &[PatchId],
+    doubted: &[RelationId],
+) -> Vec<RelationId> {
+    if doubted.is_empty() { Vec::new() } else { graphs::doubt(map, island, doubted) }
 }
 
 /// The refit that is configured; how many overlaps it measured.

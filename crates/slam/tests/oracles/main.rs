@@ -5,6 +5,7 @@ mod bad_input;
 mod corridors;
 mod determinism;
 mod faults;
+mod landmarks;
 mod replay;
 mod runs;
 mod standing_still;

@@ -3,9 +3,10 @@
 
 use crate::runs::{ate, building};
 use geometry::Pose2;
-use manifold::{Change, Provenance, RelationState, Retraction};
+use manifold::{Change, PatchId, Provenance, Relation, RelationState, Retraction};
 use manifoldslam_slam::{Event, Mapper, MergeState, SlamConfig, Team};
 use sensing::{Observation, RobotId};
+use std::collections::BTreeMap;
 use std::sync::OnceLock;
 use synthetic::{Robot, office, two_loop_building};
 
@@ -67,6 +68,30 @@ fn robots_of_one_building_become_one_map() {
     assert!(error < 0.05, "both robots in one frame: {error} m");
 }
 
+/// Robots whose maps hang together at one end only find each other at the rest, and nowhere else.
+#[test]
+fn loops_between_robots_are_closed() {
+    let merged = cut();
+    let crosses = |r: &Relation| owner(merged, r.from) != owner(merged, r.to);
+    let links: Vec<Relation> =
+        merged.manifold().active_relations().filter(|r| crosses(r)).copied().collect();
+    let end = links.iter().map(|r| r.from.max(r.to)).min().expect("the robots are joined");
+    let mut team = merged
+        .with_relations(|r| r.is_active() && (!crosses(r) || r.from.max(r.to).0 < end.0 + 12));
+    team.rebuild();
+    let before = team.manifold().relations().len();
+    team.close_loops();
+    let found = &team.manifold().relations()[before..];
+    assert!(found.len() >= 5, "{found:?}");
+    let truth = true_patch_poses(&team);
+    for closure in found.iter().filter(|r| r.is_active()) {
+        assert!(crosses(closure), "{closure:?}");
+        let apart = truth[closure.from.index()].between(&truth[closure.to.index()]);
+        let error = apart.between(&closure.from_from_to.mean);
+        assert!(error.norm() < 0.15 && error.yaw.abs() < 0.03, "{error:?} {closure:?}");
+    }
+}
+
 #[test]
 fn robots_of_different_buildings_stay_apart() {
     let mut team = Team::new(SlamConfig::default());
@@ -114,4 +139,16 @@ fn a_robot_that_is_split_off_is_not_merged_again() {
     assert!(taken_back.iter().all(|&id| team.manifold().relation(id).state == by_user));
     team.finish();
     assert_eq!(team.manifold().islands().len(), 2);
+}
+
+fn owner(team: &Team, patch: PatchId) -> RobotId {
+    team.manifold().patch(patch).robot
+}
+
+/// Where the patches of [`cut`]'s robots were taken, by their stamps.
+fn true_patch_poses(team: &Team) -> Vec<Pose2> {
+    let run = building();
+    let poses: BTreeMap<_, _> =
+        run.observations.iter().map(|o| o.stamp).zip(run.truth.iter().copied()).collect();
+    team.manifold().patches().iter().map(|patch| poses[&patch.stamp]).collect()
 }

@@ -1,11 +1,17 @@
+mod resuming;
+
+pub use resuming::{StoredScan, StoredTeam};
+
+use crate::loop_closing::{LoopCloser, relate};
 use crate::map::Map;
-use crate::merging::{Merge, Merger};
-use crate::refit::{refit, relocalise, settle};
+use crate::merging::{IslandLandmark, Merge, MergeState, Merger, places_of};
+use crate::refit::{optimise_relations, refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
-use manifold::{Change, Manifold, PatchId, Relation, RelationId, Retraction, Way};
+use manifold::{Change, Manifold, PatchId, Relation, RelationId, RelationState, Retraction, Way};
 use sensing::RobotId;
+use std::collections::VecDeque;
 
 /// The map of a team: every robot's own map, islands until evidence joins them.
 ///
@@ -20,6 +26,9 @@ pub struct Team {
     observer: Box<dyn StageObserver>,
 }
 
+/// Searches for closures between robots; hardly anything is left to be found by the last.
+const MOST_SEARCHES: usize = 4;
+
 /// What is known of one robot.
 #[derive(Clone, Debug, Default)]
 struct Track {
@@ -28,6 +37,17 @@ struct Track {
     /// Names in the team's map of what the robot calls by its own.
     patches: Vec<PatchId>,
     relations: Vec<RelationId>,
+    /// What the team's map has of the robot already, where its log is mapped once more.
+    known: Known,
+}
+
+/// What a robot's changes name that is in the map already, in the order of the changes.
+#[derive(Clone, Debug, Default)]
+struct Known {
+    patches: VecDeque<PatchId>,
+    relations: VecDeque<RelationId>,
+    ways: usize,
+    sightings: usize,
 }
 
 impl Team {
@@ -75,6 +95,23 @@ impl Team {
         track.statistics = statistics;
     }
 
+    /// Makes a proposed or retracted relation part of the map, by the user's word, and with it all
+    /// of the merge that it belongs to; the map follows with [`Team::rebuild`].
+    pub fn confirm(&mut self, relation: RelationId) {
+        let merge = self.merges.iter().find(|merge| merge.relations.contains(&relation));
+        let all = merge.map_or_else(|| vec![relation], |merge| merge.relations.clone());
+        all.into_iter().for_each(|id| self.map.manifold.confirm(id));
+    }
+
+    /// Leaves a robot's patches out of the map, or takes them in again; the map follows with
+    /// [`Team::rebuild`].
+    pub fn leave_out(&mut self, robot: RobotId, left_out: bool) {
+        let own = self.map.manifold.patches().iter();
+        let own = own.filter(|p| p.robot == robot && p.left_out != left_out).map(|p| p.id);
+        let own = own.collect();
+        self.map.manifold.leave_out(own, left_out);
+    }
+
     /// Takes a relation back, by the user's word. The map is that without it after
     /// [`Team::rebuild`].
     pub fn retract(&mut self, relation: RelationId) {
@@ -114,16 +151,54 @@ impl Team {
         team
     }
 
-    /// The global pass: joins islands, refits each and places every scan in it.
+    /// Brings the merges on record up to date with their relations.
+    fn review_merges(&mut self) {
+        let manifold = &self.map.manifold;
+        let is =
+            |ids: &[RelationId], state| ids.iter().any(|id| manifold.relation(*id).state == state);
+        self.merges.retain_mut(|merge| {
+            if is(&merge.relations, RelationState::Active) {
+                merge.state = MergeState::Merged;
+                return true;
+            }
+            merge.state = MergeState::Provisional;
+            is(&merge.relations, RelationState::Provisional)
+        });
+    }
+
+    /// The global pass: joins islands, closes loops between the robots of each, refits each and
+    /// places every scan in it.
     pub fn finish(&mut self) {
         self.merge();
+        self.close_loops();
         self.rebuild();
+    }
+
+    /// Looks for places where robots of one island met without knowing: their maps hang together by
+    /// where they were joined, and are bent against each other elsewhere. What is found makes the
+    /// rest better known, so that the search is repeated while it finds something.
+    pub fn close_loops(&mut self) {
+        let config = self.config;
+        for _ in 0..MOST_SEARCHES {
+            let (closures, statistics) =
+                self.timed(Stage::LoopClosing, |t| LoopCloser::between_robots(&t.map, &config));
+            self.statistics.closures = self.statistics.closures + statistics;
+            if closures.is_empty() {
+                break;
+            }
+            relate(&mut self.map, &closures, &config);
+            let retracted =
+                self.timed(Stage::Optimisation, |t| optimise_relations(&mut t.map, &config));
+            self.statistics.optimisations += 1;
+            self.statistics.closures.retracted += retracted.len();
+        }
     }
 
     /// Makes the map anew from the relations that hold, the ways driven and the scans: places every
     /// patch, refits each island, and places every scan. The result does not depend on what was
     /// part of the map before.
     pub fn rebuild(&mut self) {
+        self.review_merges();
         let config = self.config;
         self.timed(Stage::Optimisation, |t| settle(&mut t.map, &config));
         let measured = self.timed(Stage::Refit, |t| refit(&mut t.map, &config));
@@ -160,6 +235,13 @@ impl Team {
         &self.merges
     }
 
+    /// The landmarks that stand still, island by island, where the map now has them. An id that was
+    /// seen at several places, read wrong or moved, is there several times.
+    pub fn landmarks(&self) -> Vec<IslandLandmark> {
+        let manifold = &self.map.manifold;
+        places_of(manifold, &manifold.component_map()).into_iter().flatten().collect()
+    }
+
     /// Counts of one robot's own mapping.
     pub fn robot_statistics(&self, robot: RobotId) -> Statistics {
         self.tracks[usize::from(robot.0)].statistics
@@ -179,9 +261,12 @@ impl Team {
         let config = self.config;
         let merger = self.timed(Stage::Merging, |t| {
             let mut merger = Merger::default();
-            merger.run(&mut t.map, &config);
+            let tracks: Vec<_> = t.tracks.iter().map(|track| &track.scans[..]).collect();
+            merger.run(&mut t.map, &tracks, &config);
             merger
         });
+        // What may be merged was looked at anew.
+        self.merges.retain(|merge| merge.state == MergeState::Merged);
         self.statistics.optimisations += merger.optimisations;
         self.statistics.closures.retracted += merger.contradicted;
         self.statistics.places_compared += merger.tried;
@@ -195,13 +280,20 @@ impl Team {
         match change {
             Change::RobotJoined(_) => {}
             Change::PatchAdded(own) => {
+                if let Some(id) = track.known.patches.pop_front() {
+                    track.patches.push(id);
+                    return;
+                }
                 let mut added = own.clone();
                 added.robot = robot;
                 track.patches.push(manifold.add_patch(added));
             }
             Change::RelationAdded(own) => {
                 let (from, to) = (patch(&own.from), patch(&own.to));
-                let id = manifold.relate(from, to, own.from_from_to, own.provenance);
+                let id = match track.known.relations.pop_front() {
+                    Some(id) => id,
+                    None => manifold.relate(from, to, own.from_from_to, own.provenance),
+                };
                 track.relations.push(id);
             }
             Change::RelationConfirmed(own) => manifold.confirm(track.relations[own.index()]),
@@ -214,6 +306,8 @@ impl Team {
             Change::ElevationsReestimated(heights) => {
                 manifold.elevate(heights.iter().map(|(own, h)| (patch(own), *h)).collect());
             }
+            Change::WayNoted(_) if track.known.ways > 0 => track.known.ways -= 1,
+            Change::LandmarkSighted(_) if track.known.sightings > 0 => track.known.sightings -= 1,
             Change::WayNoted(own) => {
                 let (from, to) = (patch(&own.from), patch(&own.to));
                 manifold.note_way(Way { from, to, ..*own });

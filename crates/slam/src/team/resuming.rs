@@ -1,0 +1,137 @@
+use super::{Known, Team, Track};
+use crate::elevation::recall_ground;
+use crate::map::Map;
+use crate::merging::Merge;
+use crate::track::{ScanPose, ScanRecord};
+use crate::{Preparation, SlamConfig, StageObserver, Statistics};
+use geometry::Pose2;
+use manifold::{Manifold, Patch, PatchId};
+use matching::{CompactPoints, LinePoint};
+use rayon::prelude::*;
+use sensing::{Observation, RobotId, Stamp};
+
+/// Scans prepared together on one thread.
+const BATCH: usize = 64;
+
+/// A team as it was kept somewhere.
+#[derive(Clone, Debug, Default)]
+pub struct StoredTeam {
+    /// The map.
+    pub manifold: Manifold,
+    /// For every robot its scans in the order of its log.
+    pub scans: Vec<Vec<StoredScan>>,
+    /// For every robot what its mapping counted.
+    pub statistics: Vec<Statistics>,
+    /// Islands that were merged, and merges that may be.
+    pub merges: Vec<Merge>,
+}
+
+/// A scan as a global pass needs it.
+#[derive(Clone, Debug)]
+pub struct StoredScan {
+    /// Where it was found when it was taken.
+    pub found: ScanPose,
+    /// Where the last global pass has it.
+    pub pose: ScanPose,
+    /// Its stamp.
+    pub stamp: Stamp,
+    /// The robot in its odometry frame, where that is known.
+    pub odom_from_base: Option<Pose2>,
+    /// The scan with its mounting and sweep; without it the scan's place follows from its
+    /// neighbours alone.
+    pub observation: Option<Observation>,
+}
+
+impl Team {
+    /// A team that goes on from where it was kept; it is the same as the one that was kept when the
+    /// configuration is the same.
+    pub fn resume(
+        config: SlamConfig,
+        observer: Box<dyn StageObserver>,
+        stored: StoredTeam,
+    ) -> Self {
+        let StoredTeam { manifold, scans, statistics, merges } = stored;
+        let observations: Vec<Observation> = manifold.patches().iter().map(taken_from).collect();
+        let surfaces = surfaces(&config, observations);
+        let robots = manifold.robots().len();
+        let mut tracks = vec![Track::default(); robots];
+        for (track, counted) in tracks.iter_mut().zip(statistics) {
+            track.statistics = counted;
+        }
+        for (track, scans) in tracks.iter_mut().zip(scans) {
+            track.scans = records(&config, scans);
+        }
+        for patch in manifold.patches() {
+            tracks[usize::from(patch.robot.0)].patches.push(patch.id);
+        }
+        let mut map = Map { manifold, surfaces, ..Map::default() };
+        recall_ground(&mut map, &config.elevation);
+        Team { config, map, tracks, merges, statistics: Statistics::default(), observer }
+    }
+
+    /// Prepares for a robot's log to be mapped once more from its beginning, when only a part of it
+    /// was: its changes are taken for those that the map has, as far as it has them.
+    ///
+    /// The log and the configuration must be those of the first time, and the robot must not have
+    /// been joined with others.
+    pub fn begin_again(&mut self, robot: RobotId) {
+        let manifold = &self.map.manifold;
+        let own = |patch: PatchId| manifold.patch(patch).robot == robot;
+        let track = &mut self.tracks[usize::from(robot.0)];
+        let relations = manifold.relations().iter().filter(|r| own(r.from) && own(r.to));
+        track.known = Known {
+            patches: std::mem::take(&mut track.patches).into(),
+            relations: relations.map(|r| r.id).collect(),
+            ways: manifold.ways().iter().filter(|way| own(way.from)).count(),
+            sightings: manifold.sightings().iter().filter(|seen| own(seen.patch)).count(),
+        };
+    }
+
+    /// Name in the team's map of what a robot calls by its own.
+    pub fn patch_of(&self, robot: RobotId, own: PatchId) -> PatchId {
+        self.tracks[usize::from(robot.0)].patches[own.index()]
+    }
+}
+
+/// What the robot saw when the patch was made.
+fn taken_from(patch: &Patch) -> Observation {
+    Observation {
+        robot: patch.robot,
+        stamp: patch.stamp,
+        odom_from_base: None,
+        base_from_laser: patch.base_from_laser,
+        scan: Clone::clone(&patch.scan),
+        sweep: patch.sweep,
+        attitude: patch.attitude,
+        sightings: Vec::new(),
+    }
+}
+
+fn records(config: &SlamConfig, scans: Vec<StoredScan>) -> Vec<ScanRecord> {
+    let seen = scans.iter().filter_map(|scan| scan.observation.clone()).collect();
+    let mut surfaces = surfaces(config, seen).into_iter();
+    let record = |scan: StoredScan| {
+        let surface = scan.observation.and_then(|_| surfaces.next()).unwrap_or_default();
+        ScanRecord {
+            found: scan.found,
+            pose: scan.pose,
+            stamp: scan.stamp,
+            odom_from_base: config.usable_odometry(scan.odom_from_base),
+            surface: CompactPoints::new(&surface),
+        }
+    };
+    scans.into_iter().map(record).collect()
+}
+
+/// The surfaces that scans show, as when they were taken.
+fn surfaces(config: &SlamConfig, observations: Vec<Observation>) -> Vec<Vec<LinePoint>> {
+    let preparation = Preparation::new(config);
+    observations
+        .into_par_iter()
+        .with_min_len(BATCH)
+        .map_init(
+            || preparation.clone(),
+            |preparation, observation| preparation.prepare(observation).surface,
+        )
+        .collect()
+}

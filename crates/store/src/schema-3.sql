@@ -1,0 +1,3 @@
+CREATE TABLE observations (block INTEGER PRIMARY KEY, robot INTEGER NOT NULL, first_scan INTEGER NOT NULL,
+  scans INTEGER NOT NULL, data BLOB NOT NULL,
+  negative_zeros INTEGER NOT NULL, checksum INTEGER NOT NULL) STRICT;
