@@ -183,8 +183,17 @@ pub fn merge_text(merge: &Merge) -> String {
         Provenance::Rendezvous => "meeting",
         _ => "place",
     };
+    let surfaces = match evidence.compared_m {
+        0 => String::new(),
+        compared_m => format!(
+            "{:.1} m of {compared_m} m of surface contradicted, {} beyond what a copy could hold, ",
+            f64::from(evidence.contradicted_cm) / 100.0,
+            counted(evidence.beyond as u64, "square"),
+        ),
+    };
     format!(
-        "{one} | {other}: {state}; {} agreeing, {} contradicting, estimated chance of being wrong {:.1e}",
+        "{one} | {other}: {state}; {} agreeing, {} contradicting, {surfaces}estimated chance of being \
+         wrong {:.1e}",
         counted(evidence.agreeing as u64, witness),
         evidence.contradicting,
         merge.false_bound,

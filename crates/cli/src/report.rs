@@ -93,6 +93,9 @@ fn merges(report: &mut Report, metrics: &Metrics) {
             "relations",
             "agreeing",
             "contradicting",
+            "surface compared",
+            "of it contradicted",
+            "rooms beyond a copy",
             "estimated chance of being wrong",
         ];
         report.paragraph(some).table(&header, &rows);
@@ -106,6 +109,9 @@ fn row(merge: &Merge) -> Vec<String> {
         merge.relations.len().to_string(),
         merge.evidence.agreeing.to_string(),
         merge.evidence.contradicting.to_string(),
+        format!("{} m", merge.evidence.compared_m),
+        format!("{:.1} m", f64::from(merge.evidence.contradicted_cm) / 100.0),
+        merge.evidence.beyond.to_string(),
         format!("{:.1e}", merge.false_bound),
     ]
 }

@@ -16,7 +16,7 @@ use rendering::{
     ros_map_yaml,
 };
 use std::fmt::Write;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// An island as it is drawn.
 pub struct Drawn {
@@ -98,10 +98,7 @@ pub fn write_result(
         folder.write("landmarks.csv", landmarks_csv(mapped, &landmarks).as_bytes())?;
     }
     folder.write(CONFIG, config.to_toml().as_bytes())?;
-    let rendering = rendering.elapsed();
-    let writing = Instant::now();
-    site.close()?;
-    let after = Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() };
+    let after = close(site, start, rendering.elapsed())?;
     let frames: Vec<_> = drawn.iter().map(|island| *island.grid.frame()).collect();
     let metrics = Metrics::new(mapped, landmarks.len(), &frames, &after);
     let html = report(mapped, &drawn, &metrics, config)?;
@@ -123,11 +120,15 @@ pub fn figures(
     let landmarks = landmarks_of(mapped);
     let frame = |k| Ok(*Drawn::new(mapped, &landmarks, k, config)?.grid.frame());
     let frames: Vec<_> = islands.map(frame).collect::<Result<_>>()?;
-    let rendering = rendering.elapsed();
+    let after = close(site, start, rendering.elapsed())?;
+    Ok(Metrics::new(mapped, landmarks.len(), &frames, &after))
+}
+
+/// Closes the manifold file, at the end of a run that began at `start`.
+fn close(site: SiteWriter, start: Instant, rendering: Duration) -> Result<Afterwards> {
     let writing = Instant::now();
     site.close()?;
-    let after = Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() };
-    Ok(Metrics::new(mapped, landmarks.len(), &frames, &after))
+    Ok(Afterwards { rendering, writing: writing.elapsed(), total: start.elapsed() })
 }
 
 fn write_map(

@@ -24,6 +24,8 @@ pub struct ResultFolder {
     target: PathBuf,
     /// The folder that is written to, the target itself where that is new.
     place: PathBuf,
+    /// The place was there, empty, before.
+    was_there: bool,
     /// What is in it must survive a failure.
     kept: bool,
     written: RefCell<BTreeSet<String>>,
@@ -41,26 +43,34 @@ impl ResultFolder {
             true => target.to_owned(),
             false => beside(target, "partial")?,
         };
+        let was_there = place.exists();
         fs::create_dir_all(&place).with_context(cannot)?;
-        let folder = ResultFolder {
+        Self::writable(ResultFolder {
             target: target.to_owned(),
             place,
+            was_there,
             kept: false,
             written: RefCell::default(),
-        };
-        // A folder can be made where no file can be written, on a full disk for instance.
-        folder.write(".probe", b"manifoldslam")?;
-        fs::remove_file(folder.path(".probe")).with_context(cannot)?;
-        folder.written.take();
-        Ok(folder)
+        })
     }
 
     /// A folder that has a result already, to be brought up to date in place.
     pub fn update(target: &Path) -> Result<Self> {
-        let (target, place) = (target.to_owned(), target.to_owned());
-        let folder = ResultFolder { target, place, kept: true, written: RefCell::default() };
+        Self::writable(ResultFolder {
+            target: target.to_owned(),
+            place: target.to_owned(),
+            was_there: true,
+            kept: true,
+            written: RefCell::default(),
+        })
+    }
+
+    /// A folder can be made where no file can be written, on a full disk for instance: it is tried.
+    fn writable(folder: Self) -> Result<Self> {
         folder.write(".probe", b"manifoldslam")?;
-        fs::remove_file(folder.path(".probe"))?;
+        fs::remove_file(folder.path(".probe")).with_context(|| {
+            format!("{}: cannot create the result folder", folder.target.display())
+        })?;
         folder.written.take();
         Ok(folder)
     }
@@ -124,6 +134,9 @@ impl Drop for ResultFolder {
     fn drop(&mut self) {
         if !self.kept {
             let _ = fs::remove_dir_all(&self.place);
+            if self.was_there {
+                let _ = fs::create_dir(&self.place);
+            }
         }
     }
 }
@@ -239,8 +252,11 @@ mod tests {
             if let Some(file) = file {
                 fs::write(target.join(file), b"old").unwrap();
             }
+            let failed = ResultFolder::create(&target);
+            assert_eq!(failed.is_ok(), accepted, "{file:?}");
+            drop(failed);
+            assert_eq!(names(&target), file.into_iter().collect::<Vec<_>>(), "a run that failed");
             let folder = ResultFolder::create(&target);
-            assert_eq!(folder.is_ok(), accepted, "{file:?}");
             if let Ok(folder) = folder {
                 folder.write("new", b"").unwrap();
                 folder.commit().unwrap();

@@ -7,8 +7,7 @@
 //! with one piece each for example, to see that different buildings stay apart.
 
 use logs::{CarmenReader, LogFile, ReadOptions};
-use manifold::Change;
-use manifoldslam_slam::{Event, Mapper, SlamConfig, Team};
+use manifoldslam_slam::{SlamConfig, Team};
 use sensing::Observation;
 use std::path::Path;
 use std::time::Instant;
@@ -46,23 +45,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// Maps one robot's scans and takes it into the team.
 fn map(team: &mut Team, name: &str, scans: &[Observation]) {
     let start = Instant::now();
-    let mut mapper = Mapper::new(SlamConfig::default());
-    let robot = team.add_robot(name);
-    for observation in scans {
-        let events = mapper.step(observation.clone());
-        let changes: Vec<Change> = events.into_iter().filter_map(change).collect();
-        team.receive(robot, &changes);
-    }
-    mapper.conclude();
-    let patches = mapper.manifold().patches().len();
-    team.join(robot, mapper);
+    let robot = team.map_robot(name, scans.iter().cloned());
+    let own = team.manifold().patches().iter().filter(|patch| patch.robot == robot);
+    let patches = own.count();
     let secs = start.elapsed().as_secs_f64();
     println!("{name}: {} scans, {patches} patches, {secs:.2} s", scans.len());
-}
-
-fn change(event: Event) -> Option<Change> {
-    match event {
-        Event::Map(change) => Some(change),
-        Event::Localised(..) => None,
-    }
 }

@@ -7,8 +7,8 @@
 //! own. Every retraction is timed, from the order to the last pose; every so-manieth map is
 //! compared with that of a team which never had the relations.
 
-use manifold::{Change, RelationId};
-use manifoldslam_slam::{Event, Mapper, SlamConfig, Team};
+use manifold::RelationId;
+use manifoldslam_slam::{SlamConfig, Team};
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use std::time::Instant;
 use synthetic::{Robot, office};
@@ -20,19 +20,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut numbers = std::env::args().skip(1).map(|a| a.parse::<usize>());
     let mut next = |or: usize| numbers.next().unwrap_or(Ok(or));
     let (robots, blocks, retractions) = (next(2)?, next(3)?, next(200)?);
-    let config = SlamConfig::default();
-    let mut team = Team::new(config);
+    let mut team = Team::new(SlamConfig::default());
     for robot in 0..robots {
         let run = office(7, blocks, &Robot::default());
-        let mut mapper = Mapper::new(config);
-        let id = team.add_robot(&format!("robot-{robot}"));
-        for observation in run.observations.into_iter().skip(robot * 40) {
-            let events = mapper.step(observation);
-            let changes: Vec<Change> = events.into_iter().filter_map(change).collect();
-            team.receive(id, &changes);
-        }
-        mapper.conclude();
-        team.join(id, mapper);
+        let observations = run.observations.into_iter().skip(robot * 40);
+        team.map_robot(&format!("robot-{robot}"), observations);
     }
     team.finish();
     let (patches, islands) = (team.manifold().patches().len(), team.manifold().islands().len());
@@ -69,13 +61,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         team.manifold().islands().len()
     );
     Ok(())
-}
-
-fn change(event: Event) -> Option<Change> {
-    match event {
-        Event::Map(change) => Some(change),
-        _ => None,
-    }
 }
 
 /// Largest distance between patches of a team's map and of the map made of the relations that are

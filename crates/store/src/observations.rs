@@ -1,11 +1,12 @@
 //! The scans of a robot's log as they were taken, many in a block.
 
 use crate::cells::{CellReader, Cells};
+use crate::rows::{attitude, attitude_numbers, coordinates, pose, sweep, sweep_numbers};
 use crate::scan_codec;
 use flate2::Compression;
 use flate2::read::{DeflateDecoder, DeflateEncoder};
 use geometry::Pose2;
-use sensing::{Attitude, RobotId, Scan, Sweep, Twist};
+use sensing::{Attitude, RobotId, Scan, Sweep};
 use std::io::Read;
 use std::sync::Arc;
 
@@ -70,31 +71,23 @@ impl ObservationBlock {
 }
 
 fn cells(taken: &TakenScan) -> Option<Cells> {
-    let poses = [&taken.found, &taken.base_from_laser].map(|p| [p.x, p.y, p.yaw]);
-    let sweep = |s: Sweep| {
-        [s.twist.forward_m_per_sec, s.twist.yaw_rad_per_sec, s.duration_secs, s.reference]
-    };
     let scan = match &taken.scan {
         Some(scan) => scan_codec::encode_exactly(scan)?,
         None => Vec::new(),
     };
     let cells = Cells::default()
-        .reals(poses.into_iter().flatten())
-        .maybe_reals(taken.sweep.map(sweep))
-        .maybe_reals(taken.attitude.map(|a| [a.roll_rad, a.pitch_rad]))
+        .reals(coordinates(&taken.found))
+        .reals(coordinates(&taken.base_from_laser))
+        .maybe_reals(taken.sweep.map(sweep_numbers))
+        .maybe_reals(taken.attitude.map(attitude_numbers))
         .blob(scan);
     cells.is_finite().then_some(cells)
 }
 
 fn read(row: &mut CellReader) -> Option<TakenScan> {
-    let pose = |[x, y, yaw]: [f64; 3]| Pose2 { x, y, yaw };
     let (found, base_from_laser) = (pose(row.reals()?), pose(row.reals()?));
-    let sweep = row.maybe_reals()?.map(|[forward, turning, duration_secs, reference]| Sweep {
-        twist: Twist { forward_m_per_sec: forward, yaw_rad_per_sec: turning },
-        duration_secs,
-        reference,
-    });
-    let attitude = row.maybe_reals()?.map(|[roll_rad, pitch_rad]| Attitude { roll_rad, pitch_rad });
+    let sweep = row.maybe_reals()?.map(sweep);
+    let attitude = row.maybe_reals()?.map(attitude);
     let scan = match &row.blob()?[..] {
         [] => None,
         bytes => Some(Arc::new(scan_codec::decode(bytes)?)),
@@ -108,7 +101,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use proptest::prelude::*;
-    use sensing::LaserModel;
+    use sensing::{LaserModel, Twist};
 
     fn taken(readings: &[f32], full: bool) -> TakenScan {
         let sweep = Sweep {

@@ -102,13 +102,31 @@ pub(crate) fn state_of(version: i64) -> &'static [Table] {
     &STATE[..STATE.len() - newer]
 }
 
-fn coordinates(pose: &Pose2) -> [f64; 3] {
+pub(crate) fn coordinates(pose: &Pose2) -> [f64; 3] {
     [pose.x, pose.y, pose.yaw]
 }
 
 /// No wrapping: the bits are those that were stored.
-fn pose([x, y, yaw]: [f64; 3]) -> Pose2 {
+pub(crate) fn pose([x, y, yaw]: [f64; 3]) -> Pose2 {
     Pose2 { x, y, yaw }
+}
+
+pub(crate) fn attitude_numbers(a: Attitude) -> [f64; 2] {
+    [a.roll_rad, a.pitch_rad]
+}
+
+pub(crate) fn attitude([roll_rad, pitch_rad]: [f64; 2]) -> Attitude {
+    Attitude { roll_rad, pitch_rad }
+}
+
+pub(crate) fn sweep_numbers(s: Sweep) -> [f64; 4] {
+    [s.twist.forward_m_per_sec, s.twist.yaw_rad_per_sec, s.duration_secs, s.reference]
+}
+
+pub(crate) fn sweep(
+    [forward_m_per_sec, yaw_rad_per_sec, duration_secs, reference]: [f64; 4],
+) -> Sweep {
+    Sweep { twist: Twist { forward_m_per_sec, yaw_rad_per_sec }, duration_secs, reference }
 }
 
 /// Mean, then the covariance row by row.
@@ -178,9 +196,6 @@ pub(crate) fn read_log(mut row: CellReader) -> Option<RobotLog> {
 
 /// A patch without its scan; `island` is the first patch of its island.
 pub(crate) fn patch_cells(patch: &Patch, island: PatchId) -> Cells {
-    let sweep = |s: Sweep| {
-        [s.twist.forward_m_per_sec, s.twist.yaw_rad_per_sec, s.duration_secs, s.reference]
-    };
     Cells::default()
         .int(patch.id.0)
         .int(patch.robot.0)
@@ -190,8 +205,8 @@ pub(crate) fn patch_cells(patch: &Patch, island: PatchId) -> Cells {
         .maybe_reals(patch.elevation.map(|e| [e.height_m, e.variance_m2]))
         .int(patch.left_out)
         .reals(coordinates(&patch.base_from_laser))
-        .maybe_reals(patch.attitude.map(|a| [a.roll_rad, a.pitch_rad]))
-        .maybe_reals(patch.sweep.map(sweep))
+        .maybe_reals(patch.attitude.map(attitude_numbers))
+        .maybe_reals(patch.sweep.map(sweep_numbers))
 }
 
 /// A patch and its island; more may follow in the row.
@@ -206,12 +221,8 @@ pub(crate) fn read_patch(
         row.maybe_reals()?.map(|[height_m, variance_m2]| Elevation { height_m, variance_m2 });
     let left_out = row.flag()?;
     let base_from_laser = pose(row.reals()?);
-    let attitude = row.maybe_reals()?.map(|[roll_rad, pitch_rad]| Attitude { roll_rad, pitch_rad });
-    let sweep = row.maybe_reals()?.map(|[forward, turning, duration_secs, reference]| Sweep {
-        twist: Twist { forward_m_per_sec: forward, yaw_rad_per_sec: turning },
-        duration_secs,
-        reference,
-    });
+    let attitude = row.maybe_reals()?.map(attitude);
+    let sweep = row.maybe_reals()?.map(sweep);
     let scan = scan(id)?;
     let patch = Patch {
         id,

@@ -148,9 +148,7 @@ impl Site {
         }
         Some(())
     }
-}
 
-impl Site {
     /// Adds a block; `None` when its robot has no such scans.
     pub(crate) fn observe(&mut self, block: ObservationBlock) -> Option<()> {
         let known = self.trajectories.get(usize::from(block.robot.0))?.len();

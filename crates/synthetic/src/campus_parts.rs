@@ -124,7 +124,7 @@ pub(crate) fn hall(
     let pitch = length / columns as f64;
     let lanes = [-0.6 * half, 0.0, 0.6 * half];
     let stop = |column: usize, lane: f64| (x + (column as f64 + 0.5) * pitch, y + lane);
-    let mut ways: Vec<(f64, f64)> = Vec::new();
+    let mut ways = vec![(x, y), (x + length, y)];
     for lane in lanes {
         ways.extend([stop(0, lane), stop(columns - 1, lane)]);
     }
@@ -142,8 +142,8 @@ pub(crate) fn hall(
         site.chain(lane);
     }
     let [south, middle, north] = &grid;
-    for ((s, m), n) in south.iter().zip(middle).zip(north) {
-        site.chain(&[*s, *m, *n]);
+    for ((a, b), c) in south.iter().zip(middle).zip(north) {
+        site.chain(&[*a, *b, *c]);
     }
     site.chain(&[ends.0, grid[1][0]]);
     site.chain(&[grid[1][columns - 1], ends.1]);

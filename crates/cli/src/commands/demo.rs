@@ -28,7 +28,7 @@ pub fn run(args: &DemoArgs, global: &Global) -> Result<Outcome> {
 
     let start = Instant::now();
     let path = args.output.join("demo.clf");
-    let source = LogSource { name: "demo".into(), path, text: Some(log) };
+    let source = LogSource::of_text(&path, log);
     let (mapped, site) = map_new(vec![source], &folder.path(SITE), &config, global)?;
     folder.keep();
     let poses = &mapped.poses[0];

@@ -16,6 +16,7 @@ use rendering::{
 };
 use sensing::Scan;
 use std::path::Path;
+use std::sync::Arc;
 use store::TrackedScan;
 
 /// Scans closer than this to the one drawn before add nothing, metres and radians.
@@ -116,7 +117,7 @@ struct Source {
     /// The robots' paths, by name.
     paths: Vec<(String, Vec<Pose2>)>,
     /// Scans with their lasers' poses.
-    scans: Vec<(Pose2, Scan)>,
+    scans: Vec<(Pose2, Arc<Scan>)>,
     config: Config,
     /// Some of the log could not be read.
     lossy: bool,
@@ -159,7 +160,7 @@ impl Source {
                 scans.extend(taken.filter(|(_, (scan, _))| on_island(scan)).filter_map(
                     |(taken, (_, pose))| {
                         let taken = taken?;
-                        Some((pose * taken.base_from_laser, taken.scan?.as_ref().clone()))
+                        Some((pose * taken.base_from_laser, taken.scan?))
                     },
                 ));
             }
@@ -167,7 +168,7 @@ impl Source {
         if !args.all_scans {
             let patches = patches.iter().map(|id| site.manifold.patch(*id)).filter(|p| !p.left_out);
             scans.extend(patches.map(|patch| {
-                (patch.island_from_patch * patch.base_from_laser, patch.scan.as_ref().clone())
+                (patch.island_from_patch * patch.base_from_laser, Arc::clone(&patch.scan))
             }));
         }
         Ok(Source { paths, scans, config, lossy: false })
@@ -192,7 +193,7 @@ impl Source {
             if all || is_apart(last, &pose.pose) {
                 last = Some(pose.pose);
                 let seen = record.observation;
-                scans.push((pose.pose * seen.base_from_laser, seen.scan));
+                scans.push((pose.pose * seen.base_from_laser, Arc::new(seen.scan)));
             }
         }
         if count != poses.len() {

@@ -1,11 +1,11 @@
 use crate::Outcome;
 use crate::args::{Global, SalvageArgs};
 use crate::site_info::patches;
+use crate::site_writer::now_unix_ns;
 use crate::terminal::{counted, print};
 use anyhow::{Result, bail};
 use serde::Serialize;
 use std::fmt::Write;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// What a salvage brought.
 #[derive(Serialize)]
@@ -24,9 +24,7 @@ pub fn run(args: &SalvageArgs, global: &Global) -> Result<Outcome> {
         bail!("{}: there is a file of that name", args.output.display());
     }
     let salvaged = store::salvage(&args.broken)?;
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    let now = i64::try_from(now.as_nanos()).unwrap_or(i64::MAX);
-    salvaged.write(&args.output, env!("CARGO_PKG_VERSION"), now)?;
+    salvaged.write(&args.output, env!("CARGO_PKG_VERSION"), now_unix_ns())?;
     let map = &salvaged.site.manifold;
     let report = Report {
         lost: salvaged.lost.iter().map(ToString::to_string).collect(),

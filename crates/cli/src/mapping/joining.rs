@@ -27,14 +27,9 @@ pub fn map_new(
     config: &Config,
     global: &Global,
 ) -> Result<(MappedTeam, SiteWriter)> {
-    let writer = SiteWriter::create(file)?;
-    keep_begin(&writer, config);
     let clock = StageClock::default();
     let team = Team::observed(config.slam, Box::new(clock.clone()));
-    match Joining::new(team, Vec::new(), clock, &writer).add(sources, global, config) {
-        Ok(mapped) => Ok((mapped, writer)),
-        Err(error) => Err(writer.close().err().unwrap_or(error)),
-    }
+    Joining::new(team, Vec::new(), clock, SiteWriter::create(file)?).add(sources, config, global)
 }
 
 /// Maps logs onto the map of an open manifold file, which is returned still open. Logs that are in
@@ -54,7 +49,7 @@ pub fn map_onto(
     let mut kept = Vec::new();
     for source in sources {
         let hash = source.content_hash()?;
-        if interrupted.contains_key(&hash) {
+        if interrupted.contains_key(hash) {
             kept.push(source);
         } else if site.logs.values().any(|log| log.content_hash == hash) {
             eprintln!("manifoldslam: {}: is in the map already", source.path.display());
@@ -69,13 +64,8 @@ pub fn map_onto(
         }
     }
     let (team, robots) = resume(site, config.slam, Box::new(clock.clone()));
-    let writer = SiteWriter::start(store)?;
-    keep_begin(&writer, config);
-    let joining = Joining { interrupted, ..Joining::new(team, robots, clock, &writer) };
-    match joining.add(kept, global, config) {
-        Ok(mapped) => Ok((mapped, writer)),
-        Err(error) => Err(writer.close().err().unwrap_or(error)),
-    }
+    let joining = Joining::new(team, robots, clock, SiteWriter::start(store)?);
+    Joining { interrupted, ..joining }.add(kept, config, global)
 }
 
 /// What a mapping thread tells of its robot.
@@ -86,25 +76,20 @@ enum News {
 }
 
 /// A team that logs are added to, with the file that keeps it.
-pub struct Joining<'a> {
+struct Joining {
     team: Team,
     robots: Vec<MappedRobot>,
     failures: Vec<String>,
     times: MappingTimes,
     clock: StageClock,
-    writer: &'a SiteWriter,
+    writer: SiteWriter,
     /// Robots of which only a part of the log is in the map, by the log's hash.
     interrupted: BTreeMap<String, Interrupted>,
 }
 
-impl<'a> Joining<'a> {
-    /// A team that has robots already.
-    pub fn new(
-        team: Team,
-        robots: Vec<MappedRobot>,
-        clock: StageClock,
-        writer: &'a SiteWriter,
-    ) -> Self {
+impl Joining {
+    /// A team with the robots that it has already.
+    fn new(team: Team, robots: Vec<MappedRobot>, clock: StageClock, writer: SiteWriter) -> Self {
         let (failures, times) = (Vec::new(), MappingTimes::default());
         let interrupted = BTreeMap::new();
         Joining { team, robots, failures, times, clock, writer, interrupted }
@@ -115,20 +100,20 @@ impl<'a> Joining<'a> {
     ///
     /// # Errors
     /// No log could be mapped; else what failed is told beside the map.
-    pub fn add(
+    fn add(
         mut self,
         sources: Vec<LogSource>,
-        global: &Global,
         config: &Config,
-    ) -> Result<MappedTeam> {
-        self.map(sources, config, global)?;
-        if self.robots.is_empty() {
-            bail!("{}", self.failures.join("\n"));
+        global: &Global,
+    ) -> Result<(MappedTeam, SiteWriter)> {
+        keep_begin(&self.writer, config);
+        if let Err(error) = self.map(sources, config, global) {
+            return Err(self.writer.close().err().unwrap_or(error));
         }
         self.team.finish();
-        keep_result(self.writer, &mut self.team, "joined and refitted");
+        keep_result(&self.writer, &mut self.team, "joined and refitted");
         self.times += &MappingTimes { stages: self.clock.times(), ..MappingTimes::default() };
-        Ok(MappedTeam::new(self.team, self.robots, self.times, self.failures))
+        Ok((MappedTeam::new(self.team, self.robots, self.times, self.failures), self.writer))
     }
 
     /// Maps logs one beside the other; whoever's turn it is tells what it maps while it does.
@@ -157,6 +142,9 @@ impl<'a> Joining<'a> {
             Ok::<_, Error>(())
         })?;
         bar.finish_and_clear();
+        if self.robots.is_empty() {
+            bail!("{}", self.failures.join("\n"));
+        }
         Ok(())
     }
 
@@ -166,17 +154,17 @@ impl<'a> Joining<'a> {
         for news in news {
             match news {
                 News::Progress(progress) => {
-                    let robot = self.join_once(&mut joined, source)?;
-                    self.receive(robot, progress);
+                    let now = self.join_once(&mut joined, source)?;
+                    self.receive(now, progress);
                 }
                 News::Mapped(mapped) => {
                     let (mapped, mapper, progress) = *mapped;
-                    let robot = self.join_once(&mut joined, source)?;
-                    self.receive(robot, progress);
-                    let Interrupted { robot, .. } = robot;
+                    let now = self.join_once(&mut joined, source)?;
+                    self.receive(now, progress);
+                    let robot = now.robot;
                     self.team.join(robot, mapper);
-                    keep_log(self.writer, robot, source, &mapped.facts)?;
-                    keep_statistics(self.writer, robot, &self.team);
+                    keep_log(&self.writer, robot, source, &mapped.facts)?;
+                    keep_statistics(&self.writer, robot, &self.team);
                     self.times += &mapped.times;
                     match self.robots.get_mut(usize::from(robot.0)) {
                         Some(before) => *before = mapped,
@@ -203,14 +191,14 @@ impl<'a> Joining<'a> {
         if let Some(joined) = *joined {
             return Ok(joined);
         }
-        let known = self.interrupted.remove(&source.content_hash()?);
+        let known = self.interrupted.remove(source.content_hash()?);
         if let Some(Interrupted { robot, .. }) = known {
             self.team.begin_again(robot);
         }
         let now = known
             .unwrap_or_else(|| Interrupted { robot: self.team.add_robot(&source.name), scans: 0 });
         *joined = Some(now);
-        keep_log(self.writer, now.robot, source, &LogFacts::default())?;
+        keep_log(&self.writer, now.robot, source, &LogFacts::default())?;
         Ok(now)
     }
 

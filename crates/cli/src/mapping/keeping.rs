@@ -45,7 +45,7 @@ pub fn keep_log(
         robot,
         name: source.name.clone(),
         file: file.display().to_string(),
-        content_hash: source.content_hash()?,
+        content_hash: source.content_hash()?.to_owned(),
         joined_unix_ns: now_unix_ns(),
         reader_report: serde_json::to_string(facts)?,
     };

@@ -6,6 +6,7 @@ use logs::{LandmarkTable, LogFile};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use store::ContentHash;
 
 /// A log to be mapped.
@@ -16,25 +17,37 @@ pub struct LogSource {
     /// Where the log is, or what messages call it.
     pub path: PathBuf,
     /// Its text, where it is not read from the file.
-    pub text: Option<Vec<u8>>,
+    text: Option<Vec<u8>>,
+    /// See [`LogSource::content_hash`]; the log is read for it once.
+    content_hash: OnceLock<String>,
 }
 
 impl LogSource {
     /// A log in a file.
     pub fn of_file(path: &Path) -> Self {
-        LogSource { name: stem(path), path: path.to_owned(), text: None }
+        let (name, path) = (stem(path), path.to_owned());
+        LogSource { name, path, text: None, content_hash: OnceLock::new() }
+    }
+
+    /// A log in memory, under the name that messages call it.
+    pub fn of_text(path: &Path, text: Vec<u8>) -> Self {
+        LogSource { text: Some(text), ..Self::of_file(path) }
     }
 
     /// By what the log is known again, with the landmarks in a table beside it.
-    pub fn content_hash(&self) -> Result<String> {
-        let hash = ContentHash::default();
-        if let Some(text) = &self.text {
-            return Ok(hash.update(text).to_text());
+    pub fn content_hash(&self) -> Result<&str> {
+        if let Some(known) = self.content_hash.get() {
+            return Ok(known);
         }
-        let hash = hash_of_file(hash, &self.path)?;
-        let table = LandmarkTable::path_beside(&self.path);
-        let hash = if table.is_file() { hash_of_file(hash, &table)? } else { hash };
-        Ok(hash.to_text())
+        let mut hash = ContentHash::default();
+        if let Some(text) = &self.text {
+            hash = hash.update(text);
+        } else {
+            hash = hash_of_file(hash, &self.path)?;
+            let table = LandmarkTable::path_beside(&self.path);
+            hash = if table.is_file() { hash_of_file(hash, &table)? } else { hash };
+        }
+        Ok(self.content_hash.get_or_init(|| hash.to_text()))
     }
 
     /// Begins to read it.

@@ -122,9 +122,7 @@ impl LandmarkCloser {
     }
 
     fn link(&self, closure: &Closure) -> Link {
-        let matched = closure.result.covariance * self.config.closing.caution;
-        let covariance = self.config.relation_covariance(&matched, None);
-        let from_from_to = GaussianPose2 { mean: closure.result.pose, covariance };
+        let from_from_to = self.config.closure_relation(&closure.result);
         let (from, to) = (closure.from, closure.to);
         Link { from, to, from_from_to, provenance: Provenance::Landmark }
     }

@@ -5,6 +5,7 @@
 mod by_landmark;
 mod candidates;
 mod consistency;
+mod directions;
 mod other_robots;
 mod signature;
 mod statistics;
@@ -230,13 +231,20 @@ impl LoopCloser {
     }
 }
 
+impl SlamConfig {
+    /// What a match of places that were met again says, as a relation: known less well than it
+    /// believes, see [`ClosingSettings::caution`].
+    pub(crate) fn closure_relation(&self, found: &MatchResult) -> GaussianPose2 {
+        let covariance = self.relation_covariance(&(found.covariance * self.closing.caution), None);
+        GaussianPose2 { mean: found.pose, covariance }
+    }
+}
+
 /// Adds closures to the map; true when one of them moves it noticeably.
 pub(crate) fn relate(map: &mut Map, closures: &[Closure], config: &SlamConfig) -> bool {
     let mut moved = false;
     for closure in closures {
-        let matched = closure.result.covariance * config.closing.caution;
-        let covariance = config.relation_covariance(&matched, None);
-        let relation = GaussianPose2 { mean: closure.result.pose, covariance };
+        let relation = config.closure_relation(&closure.result);
         map.manifold.relate(closure.from, closure.to, relation, Provenance::LoopClosure);
         moved |= closure.shift.norm() > NOTICEABLE_M || closure.shift.yaw.abs() > NOTICEABLE_RAD;
     }

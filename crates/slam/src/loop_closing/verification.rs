@@ -1,4 +1,5 @@
 use super::candidates::{Candidate, SearchArea};
+use super::directions::{Directions, Turns};
 use super::{ClosingSettings, Closure, Rejection};
 use crate::SlamConfig;
 use crate::active_submap::ActiveSubmap;
@@ -24,12 +25,16 @@ pub(crate) struct Verifier {
 /// A place made ready for queries to be looked for in its submap.
 pub(crate) struct Host {
     pyramid: LikelihoodPyramid,
+    /// Where its surfaces face, if searches all round are to be limited by that.
+    directions: Option<Directions>,
     /// The submap's field is laid: it is needed only once something is found.
     is_laid: bool,
 }
 
 /// Candidates taken from branch and bound to refinement, to see whether one stands out.
 const RIVALS: usize = 3;
+/// One in so many points of a place tells where its surfaces face.
+const DIRECTIONS_STEP: usize = 4;
 /// Points of the query's surroundings are thinned to one in a square of this side, metres.
 const THINNING_M: f32 = 0.3;
 
@@ -58,7 +63,17 @@ impl Verifier {
     /// Makes a place ready for [`Verifier::verify_at`].
     pub fn host(&mut self, place: PatchId, map: &Map) -> Host {
         self.submap.gather(map, place, &self.limits);
-        Host { pyramid: self.submap.pyramid(map), is_laid: false }
+        Host { pyramid: self.submap.pyramid(map), directions: None, is_laid: false }
+    }
+
+    /// [`Verifier::host`] for queries of which nothing is known: only turns are searched that bring
+    /// the directions of walls together.
+    pub fn host_for_any(&mut self, place: PatchId, map: &Map) -> Host {
+        let host = self.host(place, map);
+        let surfaces = self.submap.members.iter().flat_map(|(patch, pose)| {
+            map.surface(*patch).iter().step_by(DIRECTIONS_STEP).map(LinePoint::mover(pose))
+        });
+        Host { directions: Some(Directions::of(surfaces)), ..host }
     }
 
     /// [`Verifier::verify`] in the submap of the place that was made ready last, which is the
@@ -178,7 +193,7 @@ impl Verifier {
         map: &Map,
     ) -> Vec<MatchResult> {
         let surroundings = self.surroundings(query, map);
-        let found = self.search(&surroundings, candidate, &host.pyramid);
+        let found = self.search(&surroundings, candidate, host);
         if found.is_empty() {
             return Vec::new();
         }
@@ -214,12 +229,33 @@ impl Verifier {
     }
 
     /// Grid poses of the query in the candidate's frame by branch and bound, best first.
-    fn search(
-        &self,
-        surroundings: &[LinePoint],
-        candidate: &Candidate,
-        pyramid: &LikelihoodPyramid,
-    ) -> Vec<Pose2> {
+    fn search(&self, surroundings: &[LinePoint], candidate: &Candidate, host: &Host) -> Vec<Pose2> {
+        let window = self.window(candidate);
+        let points: Vec<Vector2<f32>> =
+            surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
+        let turns = match &host.directions {
+            Some(directions) => directions.turns_of(&Directions::of(surroundings.iter().copied())),
+            None => vec![Turns { centre: window.centre.yaw, half: window.half_yaw_rad }],
+        };
+        let settings = SearchSettings {
+            min_score: self.settings.min_score,
+            candidates: RIVALS,
+            max_windows: self.settings.max_windows / turns.len(),
+            ..SearchSettings::default()
+        };
+        let found = |turns: &Turns| {
+            let centre = Pose2::new(window.centre.x, window.centre.y, turns.centre);
+            let window = SearchWindow { centre, half_yaw_rad: turns.half, ..window };
+            host.pyramid.search_many(&points, &window, &settings).candidates
+        };
+        let mut found: Vec<_> = turns.iter().flat_map(found).collect();
+        found.sort_by(|a, b| b.score.total_cmp(&a.score));
+        found.truncate(RIVALS);
+        found.iter().map(|c| c.pose).collect()
+    }
+
+    /// Where a candidate's query is searched.
+    fn window(&self, candidate: &Candidate) -> SearchWindow {
         let s = &self.settings;
         let belief = &candidate.patch_from_query;
         let half = |i: usize| s.sigmas * belief.covariance[(i, i)].sqrt();
@@ -228,17 +264,7 @@ impl Verifier {
             SearchArea::Believed => (belief.mean, self.doubt_m(belief).clamp(0.4, s.window_m), 0.1),
         };
         let half_yaw_rad = half(2).clamp(least_yaw_rad, PI);
-        let window = SearchWindow { centre, half_x_m: half_m, half_y_m: half_m, half_yaw_rad };
-        let points: Vec<Vector2<f32>> =
-            surroundings.iter().map(|p| Vector2::new(p.x, p.y)).collect();
-        let settings = SearchSettings {
-            min_score: s.min_score,
-            candidates: RIVALS,
-            max_windows: s.max_windows,
-            ..SearchSettings::default()
-        };
-        let outcome = pyramid.search_many(&points, &window, &settings);
-        outcome.candidates.iter().map(|c| c.pose).collect()
+        SearchWindow { centre, half_x_m: half_m, half_y_m: half_m, half_yaw_rad }
     }
 
     fn closure(&self, query: PatchId, candidate: &Candidate, result: MatchResult) -> Closure {

@@ -12,36 +12,37 @@ use std::collections::{BTreeMap, BTreeSet};
 #[derive(Default)]
 pub(super) struct Agenda {
     open: Vec<IslandPair>,
-    /// What was examined, by its matches. A pair of which an island has grown without any new match
-    /// is examined last.
+    /// What was examined, by its matches.
     examined: BTreeSet<Vec<[PatchId; 2]>>,
     /// First patches of islands that do not hold together.
     refused: BTreeSet<[PatchId; 2]>,
 }
 
 impl Agenda {
-    /// Adds pairs.
-    pub fn add(&mut self, pairs: Vec<IslandPair>) {
+    /// Adds pairs in place of others of the same islands, and forgets those that have become one.
+    pub fn replace(&mut self, pairs: Vec<IslandPair>, islands: &Islands) {
+        let of = |pair: &IslandPair| firsts(pair.ends(islands), islands);
+        let new: BTreeSet<_> = pairs.iter().map(of).collect();
+        self.open.retain(|pair| {
+            let ends = of(pair);
+            ends[0] != ends[1] && !new.contains(&ends)
+        });
         self.open.extend(pairs);
     }
 
-    /// Takes pairs off that are out of date.
-    pub fn forget(&mut self, is_old: impl Fn(&IslandPair) -> bool) {
-        self.open.retain(|pair| !is_old(pair));
+    /// Leaves out a pair of islands from now on.
+    pub fn refuse(&mut self, pair: (usize, usize), islands: &Islands) {
+        self.refused.insert(firsts(pair, islands));
     }
 
-    /// Pairs of islands, by their first patches, that need not be examined any more.
-    pub fn refuse(&mut self, pairs: impl Iterator<Item = [PatchId; 2]>) {
-        self.refused.extend(pairs);
+    /// True for a pair that is left out.
+    pub fn is_refused(&self, pair: (usize, usize), islands: &Islands) -> bool {
+        self.refused.contains(&firsts(pair, islands))
     }
 
-    /// True for a pair that need not be examined any more.
-    pub fn is_refused(&self, ends: Option<(usize, usize)>, islands: &Islands) -> bool {
-        ends.is_none_or(|ends| self.refused.contains(&firsts(ends, islands)))
-    }
-
-    /// The pairs to be examined now: no island is in two of them.
-    pub fn next(&mut self, islands: &Islands) -> Vec<IslandPair> {
+    /// The pairs to be examined now: no island is in two of them. Those of which an island has
+    /// grown without any new match come last, and only if `again`.
+    pub fn next(&mut self, islands: &Islands, again: bool) -> Vec<IslandPair> {
         let refused = &self.refused;
         self.open.retain(|pair| !refused.contains(&firsts(pair.ends(islands), islands)));
         let weight = |pair: &IslandPair| {
@@ -49,6 +50,9 @@ impl Agenda {
             (is_new, pair.agreeing(), Reverse(pair.ends(islands)))
         };
         let weights: Vec<_> = self.open.iter().map(weight).collect();
+        if !again && !weights.iter().any(|w| w.0) {
+            return Vec::new();
+        }
         let mut heaviest = BTreeMap::new();
         for w in &weights {
             let Reverse((a, b)) = w.2;
@@ -61,7 +65,7 @@ impl Agenda {
         let is_due = |_: &mut IslandPair| {
             weights.next().is_some_and(|w| {
                 let Reverse((a, b)) = w.2;
-                heaviest[&a] == *w && heaviest[&b] == *w
+                (again || w.0) && heaviest[&a] == *w && heaviest[&b] == *w
             })
         };
         let due: Vec<IslandPair> = self.open.extract_if(.., is_due).collect();
@@ -71,7 +75,7 @@ impl Agenda {
 }
 
 /// The first patches of two islands, in order.
-pub(super) fn firsts((a, b): (usize, usize), islands: &Islands) -> [PatchId; 2] {
+fn firsts((a, b): (usize, usize), islands: &Islands) -> [PatchId; 2] {
     let [a, b] = [a, b].map(|island| islands.members[island][0]);
     [a.min(b), a.max(b)]
 }

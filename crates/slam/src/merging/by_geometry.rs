@@ -1,50 +1,31 @@
+use super::common_ground::{CommonGround, Seen};
+use super::estimate::{
+    MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, decades_if_alike, may_suffice,
+};
 use super::evidence::{Evidence, examine};
 use super::places::PlaceIndex;
 use super::recognition::{PlaceMatch, Recognition};
 use super::sets::agreeing_sets;
-use super::{EvidenceCounts, Link, Proposal};
+use super::usual::usual;
+use super::{EvidenceCounts, Link, Proposal, same_on_the_plan, say_the_same};
 use crate::SlamConfig;
-use crate::loop_closing::Verifier;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
 use geometry::{Pose2, Vector2};
-use manifold::{Islands, PatchId, Provenance};
+use manifold::{Islands, PatchId};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// How much less likely every further independent place that fits makes a wrong merge: buildings
-/// repeat themselves, so that a wrong one that fits at one place often fits at the next as well.
-/// Measured on twin buildings (see docs/math/merging.md).
-const FALSE_FIT: f64 = 0.1;
-/// How much more likely every contradicting place makes it: people and doors move, so that a right
-/// merge has some too.
-const CONTRADICTED: f64 = 25.0;
-/// Share of sight lines that pass through walls where a robot comes back to the same place, by
-/// people and doors that moved: what is taken before anything is measured, and for how many
-/// closures that counts.
-const USUALLY_THROUGH: f64 = 0.015;
-const USUAL_CLOSURES: f64 = 4.0;
-/// Closures that are looked at to find out.
-const MOST_CLOSURES: usize = 60;
-/// The share may exceed the usual by so much for nothing; every so much beyond makes a wrong merge
-/// ten times as likely. Wrong merges of look-alike places had 0.04 in all and more wherever five
-/// places fitted, right ones in the same worlds 0.02 at most.
-const MARGIN_THROUGH: f64 = 0.008;
-const THROUGH_PER_DECADE: f64 = 0.004;
 /// Cells of the grid that patches are looked up in, metres.
 const GRID_M: f64 = 4.0;
-/// Two alignments of the same islands nearer than this at their links are the same one, metres and
-/// radians: islands are bent.
-const SAME_M: f64 = 1.5;
-const SAME_RAD: f64 = 0.15;
-
 /// Place recognition between islands: matches are found once, and grouped anew as islands join.
 pub(super) struct GeometricMerging {
     index: PlaceIndex,
     recognition: Recognition,
     matches: Vec<PlaceMatch>,
-    /// See [`USUALLY_THROUGH`].
-    usually_through: f64,
+    /// How many matches there were before the last look.
+    known: usize,
+    usual: Usual,
 }
 
 impl GeometricMerging {
@@ -54,15 +35,21 @@ impl GeometricMerging {
         let spacing_m = config.merging.spacing_m;
         let index = PlaceIndex::new(map, &islands, &config.submap, spacing_m);
         let recognition = Recognition::new(map, &index, &config.merging);
-        let usually_through = usually_through(map, config);
-        GeometricMerging { index, recognition, matches: Vec::new(), usually_through }
+        let usual = usual(map, &islands, &PatchGrid::new(map, &islands, GRID_M), config);
+        GeometricMerging { index, recognition, matches: Vec::new(), known: 0, usual }
     }
 
     /// Compares more places of islands that are still apart; false when all were compared.
     pub fn look(&mut self, map: &Map, islands: &Islands, config: &SlamConfig) -> bool {
+        self.known = self.matches.len();
         let found = self.recognition.next_pass(map, islands, config);
         self.matches.extend(found.iter().flatten());
         found.is_some()
+    }
+
+    /// True when this was the last look.
+    pub fn is_last(&self) -> bool {
+        self.recognition.is_done()
     }
 
     /// Comparisons made.
@@ -70,23 +57,28 @@ impl GeometricMerging {
         self.recognition.tried
     }
 
-    /// Pairs of islands whose matches agree, of which one at least is new.
+    /// Pairs of islands whose matches agree, of which one at least is new or has a match that the
+    /// last look found, if `looked`.
     pub fn pairs(
         &self,
         map: &Map,
         islands: &Islands,
         is_new: impl Fn(usize) -> bool,
+        looked: bool,
         config: &SlamConfig,
     ) -> Vec<IslandPair> {
-        let mut pairs: BTreeMap<(usize, usize), Vec<PlaceMatch>> = BTreeMap::new();
-        for m in &self.matches {
+        let mut pairs: BTreeMap<(usize, usize), (bool, Vec<PlaceMatch>)> = BTreeMap::new();
+        for (index, m) in self.matches.iter().enumerate() {
             let m = larger_first(*m, islands);
             let (target, source) = (islands.of(m.from), islands.of(m.to));
-            if target != source && (is_new(target) || is_new(source)) {
-                pairs.entry((target, source)).or_default().push(m);
+            if target != source {
+                let (is_due, matches) = pairs.entry((target, source)).or_default();
+                *is_due |= is_new(target) || is_new(source) || looked && index >= self.known;
+                matches.push(m);
             }
         }
-        let pairs: Vec<Vec<PlaceMatch>> = pairs.into_values().collect();
+        let pairs: Vec<Vec<PlaceMatch>> =
+            pairs.into_values().filter_map(|(is_due, matches)| is_due.then_some(matches)).collect();
         let agreeing = |matches: Vec<PlaceMatch>| {
             let mut sets: Vec<Vec<PlaceMatch>> = by_height(map, &matches)
                 .iter()
@@ -116,9 +108,65 @@ impl GeometricMerging {
             let look =
                 |set: &Vec<_>| (set.len(), examine(map, islands, set, source, &grid, config));
             let examined: Vec<(usize, Evidence)> = pair.sets.iter().map(look).collect();
-            choose(map, examined, self.usually_through, config.merging.false_merges)
+            let weighed = self.weighed(map, islands, &grid, examined);
+            choose(map, weighed, config.merging.false_merges)
         };
         pairs.par_iter().filter_map(best).collect()
+    }
+
+    /// How sure the alignments of two islands are. Surfaces are compared where one may suffice: of
+    /// all, for the others are its rivals.
+    fn weighed(
+        &self,
+        map: &Map,
+        islands: &Islands,
+        grid: &PatchGrid,
+        examined: Vec<(usize, Evidence)>,
+    ) -> Vec<Alignment> {
+        let compared = examined.iter().any(|(_, e)| may_suffice(&observed(e), &self.usual));
+        let weigh = |(matches, evidence): (usize, Evidence)| {
+            let mut observed = observed(&evidence);
+            if compared {
+                let everything = |_: &Seen, _: PatchId, _: bool| true;
+                let ground = CommonGround::of(map, grid, &islands.of, &evidence.seen, everything);
+                let squares = &ground.squares[..ground.squares.len().min(MOST_SQUARES)];
+                observed.compared_m = ground.compared_m;
+                observed.contradicted_m = ground.contradicted_m;
+                observed.squares = squares.len();
+                observed.beyond = beyond_a_copy(squares);
+            }
+            let counts = counted(matches, &evidence, &observed);
+            let bound = 10f64.powf(decades(&observed, &self.usual));
+            let alike = 10f64.powf(decades_if_alike(&observed, &self.usual));
+            let links = evidence.links.iter().map(PlaceMatch::link).collect();
+            Alignment { links, counts, bound, alike }
+        };
+        examined.into_iter().map(weigh).collect()
+    }
+}
+
+/// What the places say.
+fn observed(evidence: &Evidence) -> Observed {
+    Observed {
+        agreeing: evidence.agreeing,
+        contradicting: evidence.contradicting,
+        seen_through: evidence.seen_through,
+        ..Observed::default()
+    }
+}
+
+fn counted(matches: usize, evidence: &Evidence, observed: &Observed) -> EvidenceCounts {
+    EvidenceCounts {
+        matches,
+        agreeing: evidence.agreeing,
+        contradicting: evidence.contradicting,
+        places: evidence.places,
+        fitting: evidence.fitting,
+        seen_through_per_mille: (1000.0 * evidence.seen_through).round() as u32,
+        compared_m: observed.compared_m.round() as u32,
+        contradicted_cm: (100.0 * observed.contradicted_m).round() as u32,
+        squares: observed.squares,
+        beyond: observed.beyond,
     }
 }
 
@@ -150,26 +198,6 @@ impl IslandPair {
     }
 }
 
-/// How much robots see through walls of their own maps where they come back: the mean over their
-/// closures.
-fn usually_through(map: &Map, config: &SlamConfig) -> f64 {
-    let closures = map.manifold.active_relations();
-    let closures: Vec<_> =
-        closures.filter(|r| r.provenance == Provenance::LoopClosure).copied().collect();
-    let step = closures.len().div_ceil(MOST_CLOSURES).max(1);
-    let looked_at: Vec<_> = closures.into_iter().step_by(step).collect();
-    let verifier = Verifier::new(&config.for_merging());
-    let through: Vec<f64> = looked_at
-        .par_iter()
-        .map_init(
-            || verifier.clone(),
-            |verifier, r| verifier.contradiction(r.to, r.from, &r.from_from_to.mean, map).max(0.0),
-        )
-        .collect();
-    (USUAL_CLOSURES * USUALLY_THROUGH + through.iter().sum::<f64>())
-        / (USUAL_CLOSURES + through.len() as f64)
-}
-
 /// The match with the larger island as its target; of equal ones the earlier.
 fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
     let size = |patch: PatchId| {
@@ -184,7 +212,7 @@ fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
 fn by_height(map: &Map, matches: &[PlaceMatch]) -> Vec<Vec<PlaceMatch>> {
     let mut groups: Vec<Vec<PlaceMatch>> = Vec::new();
     for m in matches {
-        match groups.iter_mut().find(|group| group[0].agrees_in_height(m, map)) {
+        match groups.iter_mut().find(|group| group[0].link().agrees_in_height(&m.link(), map)) {
             Some(group) => group.push(*m),
             None => groups.push(vec![*m]),
         }
@@ -192,71 +220,51 @@ fn by_height(map: &Map, matches: &[PlaceMatch]) -> Vec<Vec<PlaceMatch>> {
     groups
 }
 
-/// The best alignment of two islands, doubted as far as another one has evidence too.
-fn choose(
-    map: &Map,
-    examined: Vec<(usize, Evidence)>,
-    usually_through: f64,
-    most_false: f64,
-) -> Option<Proposal> {
-    let bound = |e: &Evidence| -> f64 {
-        let beyond = (e.seen_through - usually_through - MARGIN_THROUGH).max(0.0);
-        FALSE_FIT.powi(e.agreeing as i32 - 1)
-            * CONTRADICTED.powi(e.contradicting as i32)
-            * 10f64.powf(beyond / THROUGH_PER_DECADE)
-    };
-    let mut ranked: Vec<(f64, usize, Evidence)> =
-        examined.into_iter().map(|(matches, e)| (bound(&e), matches, e)).collect();
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let rivals = ranked.split_off(1.min(ranked.len()));
-    let (own_bound, matches, evidence) = ranked.pop()?;
-    let rival = rivals
-        .iter()
-        .filter(|(_, _, rival)| !is_same(map, &evidence.links, &rival.links))
-        .map(|(bound, _, _)| own_bound / bound.min(1.0))
-        .fold(0.0, f64::max);
-    let link = |m: &PlaceMatch| Link {
-        from: m.from,
-        to: m.to,
-        from_from_to: m.from_from_to,
-        provenance: Provenance::Merge,
-    };
-    Some(Proposal {
-        target_from_source: alignment(map, &evidence.links)?,
-        evidence: EvidenceCounts {
-            matches,
-            agreeing: evidence.agreeing,
-            contradicting: evidence.contradicting,
-            places: evidence.places,
-            fitting: evidence.fitting,
-            seen_through_per_mille: (1000.0 * evidence.seen_through).round() as u32,
-        },
-        links: evidence.links.iter().map(link).collect(),
-        false_bound: own_bound.max(rival).min(1.0),
-        most_false,
-    })
+/// An alignment of two islands with what speaks for and against it.
+struct Alignment {
+    links: Vec<Link>,
+    counts: EvidenceCounts,
+    /// The chance that it is wrong, as far as it is known by itself; may exceed one.
+    bound: f64,
+    /// The chance that all this only looks alike, copies left aside.
+    alike: f64,
 }
 
-/// True when two sets of links say the same: most of the second lie where the nearest of the first
-/// has them.
-fn is_same(map: &Map, links: &[PlaceMatch], others: &[PlaceMatch]) -> bool {
-    let agrees = |other: &&PlaceMatch| {
-        let place = map.pose(other.to);
-        let distance = |link: &&PlaceMatch| map.pose(link.to).distance(&place);
-        let Some(link) = links.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
-            return false;
-        };
-        let here = link.target_from_source(map) * place;
-        let apart = here.between(&(other.target_from_source(map) * place));
-        apart.norm() < SAME_M && apart.yaw.abs() < SAME_RAD && link.agrees_in_height(other, map)
-    };
-    2 * others.iter().filter(agrees).count() > others.len()
+impl Alignment {
+    /// The chance of being wrong as far as a rival has evidence too. That storeys are copies of
+    /// each other is plain where they lie on each other on the plan: then only what one explains
+    /// and the other does not speaks for it.
+    fn doubted_by(&self, rival: &Alignment, map: &Map) -> f64 {
+        let storey = same_on_the_plan(map, &self.links, &rival.links, 0.0);
+        let (own, other) =
+            if storey { (self.alike, rival.alike) } else { (self.bound, rival.bound) };
+        own / other.min(1.0)
+    }
+}
+
+/// The best alignment of two islands, doubted as far as another one has evidence too.
+fn choose(map: &Map, mut ranked: Vec<Alignment>, most_false: f64) -> Option<Proposal> {
+    ranked.sort_by(|a, b| a.bound.total_cmp(&b.bound));
+    let rivals = ranked.split_off(1.min(ranked.len()));
+    let best = ranked.pop()?;
+    let rival = rivals
+        .iter()
+        .filter(|rival| !say_the_same(map, &best.links, &rival.links, 0.0))
+        .map(|rival| best.doubted_by(rival, map))
+        .fold(0.0, f64::max);
+    Some(Proposal {
+        target_from_source: alignment(map, &best.links)?,
+        evidence: best.counts,
+        links: best.links,
+        false_bound: best.bound.max(rival).min(1.0),
+        most_false,
+    })
 }
 
 /// The rigid motion that brings the source into the target's frame best in the least-squares sense,
 /// closed form (Umeyama 1991): of the places the links relate, and of their headings where those
 /// say more.
-fn alignment(map: &Map, links: &[PlaceMatch]) -> Option<Pose2> {
+fn alignment(map: &Map, links: &[Link]) -> Option<Pose2> {
     let first = links.first()?;
     let (mut sin, mut cos) = (0.0, 0.0);
     let pairs: Vec<(Vector2<f64>, Vector2<f64>)> = links

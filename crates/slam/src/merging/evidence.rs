@@ -1,3 +1,5 @@
+use super::Link;
+use super::common_ground::Seen;
 use super::recognition::PlaceMatch;
 use crate::SlamConfig;
 use crate::loop_closing::{Candidate, SearchArea, Verifier};
@@ -22,6 +24,8 @@ pub(crate) struct Evidence {
     pub fitting: usize,
     /// Mean share of sight lines that pass through the other island's walls, over all places.
     pub seen_through: f64,
+    /// The places of the overlap, each where it fits or, if it does not, is expected.
+    pub seen: Vec<Seen>,
 }
 
 /// Places nearer to each other than this may owe their fit to the same walls, metres: about the
@@ -70,6 +74,8 @@ pub(super) fn examine(
         evidence.places += expected.len();
         for (e, verdict) in expected.iter().zip(verdicts) {
             through += verdict.through;
+            let from_place = verdict.link.map_or(e.near_from_place, |link| link.from_from_to).mean;
+            evidence.seen.push(Seen { place: e.place, from: e.near, from_place });
             match verdict.link {
                 Some(link) => {
                     agreeing.push(e.place);
@@ -120,14 +126,14 @@ fn expect(
     if distance(link) > STEP_M {
         return None;
     }
-    let pose = link.target_from_source(map) * own;
+    let pose = link.link().target_from_source(map) * own;
     let seen_from = |patch: PatchId| map.pose(patch).between(&pose);
     let unlike = |patch: &PatchId| {
         let there = seen_from(*patch);
         there.norm() + there.yaw.abs()
     };
     let same_floor = |near: &PatchId| {
-        link.agrees_in_height(&PlaceMatch { from: *near, to: place, ..*link }, map)
+        link.link().agrees_in_height(&Link { from: *near, to: place, ..link.link() }, map)
     };
     let near = grid
         .within(map, target, &pose, NEAR_M)

@@ -1,4 +1,4 @@
-use super::agenda::{Agenda, firsts};
+use super::agenda::Agenda;
 use super::by_geometry::GeometricMerging;
 use super::landmarks::propose_by_landmarks;
 use super::together::together;
@@ -29,108 +29,106 @@ const WORTH_TELLING: f64 = 0.1;
 /// Of a provisional merge so many relations are put on record.
 const MOST_PROVISIONAL: usize = 10;
 
+/// How far merging has come.
+struct State {
+    islands: Islands,
+    /// Pairs of islands whose places are to be examined.
+    agenda: Agenda,
+    /// What places say of islands that they were not enough to join.
+    by_places: Vec<Proposal>,
+    /// What landmarks say of islands that are apart.
+    by_landmarks: Vec<Proposal>,
+    /// Islands that have grown since their pairs were last put on the agenda.
+    new: BTreeSet<usize>,
+}
+
 impl Merger {
     /// Joins islands as long as the evidence suffices. Where nothing joins any more further places
-    /// are compared; landmarks are heard when all places were. `tracks` are the robots' scans, in
-    /// the order of the robots.
+    /// are compared; landmarks decide alone when all places were heard. `tracks` are the robots'
+    /// scans, in the order of the robots.
     pub fn run(&mut self, map: &mut Map, tracks: &[&[ScanRecord]], config: &SlamConfig) {
         let mut geometry = config.merging.geometry.then(|| GeometricMerging::new(map, config));
-        let mut islands = map.manifold.component_map();
-        let mut left = Vec::new();
-        let by_landmarks = |map: &Map, islands: &Islands, is_new: &dyn Fn(usize) -> bool| {
-            propose_by_landmarks(map, islands, tracks, is_new, config)
-        };
-        if let Some(geometry) = &mut geometry {
-            while islands.members.len() > 1 && geometry.look(map, &islands, config) {
-                left =
-                    self.join_all(map, &mut islands, Some(geometry), by_landmarks, false, config);
+        let mut state = State::new(map, tracks, config);
+        while let Some(geometry) = &mut geometry
+            && state.islands.members.len() > 1
+            && geometry.look(map, &state.islands, config)
+        {
+            self.join_by_places(map, tracks, &mut state, geometry, true, config);
+        }
+        let left = loop {
+            let State { by_places, by_landmarks, .. } = &state;
+            let found = together(map, &state.islands, by_places.clone(), by_landmarks.clone());
+            let (sure, others) = state.decide(map, found);
+            if sure.is_empty() {
+                break others;
             }
-        }
-        if islands.members.len() > 1 && !map.manifold.sightings().is_empty() {
-            let geometry = geometry.as_ref();
-            left = self.join_all(map, &mut islands, geometry, by_landmarks, true, config);
-        }
+            self.join(map, tracks, &mut state, &sure, config);
+            if let Some(geometry) = &geometry {
+                self.join_by_places(map, tracks, &mut state, geometry, false, config);
+            }
+        };
         self.tried += geometry.as_ref().map_or(0, GeometricMerging::tried);
-        self.put_on_record(map, &islands, &left);
+        self.put_on_record(map, &state.islands, &left);
         // A merge whose relations were all found wrong is none.
         let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));
     }
 
-    /// Joins islands by what was compared so far together with what landmarks say, `alone` also by
-    /// landmarks without any place; the proposals that are left.
-    fn join_all(
+    /// Joins islands by what was compared so far, with landmarks that say the same or something
+    /// else.
+    fn join_by_places(
         &mut self,
         map: &mut Map,
-        islands: &mut Islands,
-        geometry: Option<&GeometricMerging>,
-        by_landmarks: impl Fn(&Map, &Islands, &dyn Fn(usize) -> bool) -> Vec<Proposal>,
-        alone: bool,
+        tracks: &[&[ScanRecord]],
+        state: &mut State,
+        geometry: &GeometricMerging,
+        mut looked: bool,
         config: &SlamConfig,
-    ) -> Vec<Proposal> {
-        let look = |map: &Map, islands: &Islands, is_new: &dyn Fn(usize) -> bool| {
-            geometry.map_or_else(Vec::new, |g| g.pairs(map, islands, is_new, config))
-        };
-        let mut agenda = Agenda::default();
-        agenda.add(look(map, islands, &|_| true));
-        let mut known = by_landmarks(map, islands, &|_| true);
-        let mut unsure: Vec<Proposal> = Vec::new();
+    ) {
         loop {
-            let pairs = agenda.next(islands);
-            let is_heard = pairs.is_empty();
-            let by_geometry = match geometry {
-                _ if is_heard => unsure.clone(),
-                Some(geometry) => geometry.propose(map, islands, &pairs, config),
-                None => Vec::new(),
+            let is_new = |island: usize| state.new.contains(&island);
+            let pairs = geometry.pairs(map, &state.islands, is_new, looked, config);
+            state.agenda.replace(pairs, &state.islands);
+            state.new.clear();
+            looked = false;
+            let sure = loop {
+                let pairs = state.agenda.next(&state.islands, geometry.is_last());
+                if pairs.is_empty() {
+                    return;
+                }
+                let examined: BTreeSet<_> =
+                    pairs.iter().map(|pair| in_order(pair.ends(&state.islands))).collect();
+                let is_examined = |p: &Proposal| {
+                    p.ends(&state.islands).is_some_and(|ends| examined.contains(&in_order(ends)))
+                };
+                state.by_places.retain(|p| !is_examined(p));
+                let by_places = geometry.propose(map, &state.islands, &pairs, config);
+                let known =
+                    |p: &&Proposal| by_places.iter().any(|q| same_pair(q, p, &state.islands));
+                let landmarks = state.by_landmarks.iter().filter(known).cloned().collect();
+                let found = together(map, &state.islands, by_places.clone(), landmarks);
+                // Landmarks are asked again when all places were heard.
+                state.by_places.extend(by_places);
+                let (sure, _) = state.decide(map, found);
+                if !sure.is_empty() {
+                    break sure;
+                }
             };
-            let mut landmarks = known.clone();
-            if !(is_heard && alone) {
-                landmarks.retain(|p| {
-                    by_geometry.iter().any(|g| pair_of(g, islands) == pair_of(p, islands))
-                });
-            }
-            let mut found = together(map, islands, by_geometry.clone(), landmarks);
-            found.retain(|p| {
-                !taken_back_by_user(map, islands, p) && !agenda.is_refused(p.ends(islands), islands)
-            });
-            let (sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(Proposal::is_sure);
-            if sure.is_empty() && is_heard {
-                return others;
-            }
-            if !is_heard {
-                // Without what landmarks say: that is asked again.
-                unsure.extend(by_geometry);
-            }
-            if sure.is_empty() {
-                continue;
-            }
-            let sure = disjoint(sure, islands);
-            let ends = self.join(map, islands, &sure);
-            *islands = map.manifold.component_map();
-            let which = ends.iter().map(|&patch| islands.of(patch)).collect();
-            self.contradicted += optimise_islands(map, islands, &which, config).len();
-            estimate_elevations(map);
-            self.optimisations += 1;
-            *islands = map.manifold.component_map();
-            let new: BTreeSet<usize> = ends.iter().map(|&patch| islands.of(patch)).collect();
-            let is_new = |island: usize| new.contains(&island);
-            let is_old = |(a, b): (usize, usize)| !is_new(a) && !is_new(b);
-            unsure.retain(|p| p.ends(islands).is_some_and(is_old));
-            agenda.forget(|pair| !is_old(pair.ends(islands)));
-            // What has come apart again is not tried another time.
-            let apart = |p: &Proposal| {
-                p.ends(islands).filter(|(a, b)| a != b).map(|ends| firsts(ends, islands))
-            };
-            agenda.refuse(sure.iter().filter_map(apart));
-            agenda.add(look(map, islands, &is_new));
-            known.retain(|p| p.ends(islands).is_some_and(is_old));
-            known.extend(by_landmarks(map, islands, &is_new));
+            self.join(map, tracks, state, &sure, config);
         }
     }
 
-    /// Joins islands that are all different; returns patches of all of them.
-    fn join(&mut self, map: &mut Map, islands: &Islands, proposals: &[Proposal]) -> Vec<PatchId> {
+    /// Joins islands that are all different.
+    fn join(
+        &mut self,
+        map: &mut Map,
+        tracks: &[&[ScanRecord]],
+        state: &mut State,
+        proposals: &[Proposal],
+        config: &SlamConfig,
+    ) {
         let mut ends = Vec::new();
+        let islands = &state.islands;
         for proposal in proposals {
             let Some((target, source)) = proposal.ends(islands) else { continue };
             let relations = join(map, islands, proposal);
@@ -140,11 +138,18 @@ impl Merger {
                 map.manifold.retract(id, Retraction::Contradicted);
                 self.contradicted += 1;
             }
+            // Should it come apart again, it is not tried another time.
+            state.agenda.refuse((target, source), islands);
             ends.extend([islands.members[target][0], islands.members[source][0]]);
             ends.extend(proposal.links.iter().flat_map(|link| [link.from, link.to]));
             self.note(map, islands, proposal, relations, MergeState::Merged);
         }
-        ends
+        let islands = map.manifold.component_map();
+        let which = ends.iter().map(|&patch| islands.of(patch)).collect();
+        self.contradicted += optimise_islands(map, &islands, &which, config).len();
+        estimate_elevations(map);
+        self.optimisations += 1;
+        state.renew(map, &ends, tracks, config);
     }
 
     /// Notes what is likely but not sure enough.
@@ -209,24 +214,61 @@ fn taken_back_by_user(map: &Map, islands: &Islands, proposal: &Proposal) -> bool
     })
 }
 
-/// Of proposals those that each have their islands for themselves, the surest first.
-fn disjoint(mut proposals: Vec<Proposal>, islands: &Islands) -> Vec<Proposal> {
-    proposals.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
-    let mut busy = BTreeSet::new();
-    let mut is_free = |p: &Proposal| {
-        p.ends(islands).is_some_and(|(a, b)| {
-            let free = !busy.contains(&a) && !busy.contains(&b);
-            if free {
-                busy.extend([a, b]);
-            }
-            free
-        })
-    };
-    proposals.retain(|p| is_free(p));
-    proposals
+impl State {
+    fn new(map: &Map, tracks: &[&[ScanRecord]], config: &SlamConfig) -> Self {
+        let islands = map.manifold.component_map();
+        let by_landmarks = propose_by_landmarks(map, &islands, tracks, |_| true, config);
+        let (agenda, by_places, new) = (Agenda::default(), Vec::new(), BTreeSet::new());
+        State { islands, agenda, by_places, by_landmarks, new }
+    }
+
+    /// Those of proposals that are sure enough, the surest first and no island in two of them, and
+    /// those that are not sure enough.
+    fn decide(&self, map: &Map, mut found: Vec<Proposal>) -> (Vec<Proposal>, Vec<Proposal>) {
+        let islands = &self.islands;
+        found.retain(|p| {
+            p.ends(islands).is_some_and(|ends| !self.agenda.is_refused(ends, islands))
+                && !taken_back_by_user(map, islands, p)
+        });
+        let (mut sure, others): (Vec<_>, Vec<_>) = found.into_iter().partition(Proposal::is_sure);
+        sure.sort_by(|a, b| a.false_bound.total_cmp(&b.false_bound));
+        let mut busy = BTreeSet::new();
+        sure.retain(|p| {
+            p.ends(islands).is_some_and(|(a, b)| {
+                let is_free = !busy.contains(&a) && !busy.contains(&b);
+                if is_free {
+                    busy.extend([a, b]);
+                }
+                is_free
+            })
+        });
+        (sure, others)
+    }
+
+    /// Forgets what was said of islands that have joined, at some of their patches.
+    fn renew(
+        &mut self,
+        map: &Map,
+        joined: &[PatchId],
+        tracks: &[&[ScanRecord]],
+        config: &SlamConfig,
+    ) {
+        let islands = map.manifold.component_map();
+        let new: BTreeSet<usize> = joined.iter().map(|&patch| islands.of(patch)).collect();
+        let is_new = |island: usize| new.contains(&island);
+        let is_old = |p: &Proposal| p.ends(&islands).is_some_and(|(a, b)| !is_new(a) && !is_new(b));
+        self.by_places.retain(is_old);
+        self.by_landmarks.retain(is_old);
+        self.by_landmarks.extend(propose_by_landmarks(map, &islands, tracks, is_new, config));
+        (self.islands, self.new) = (islands, new);
+    }
 }
 
-/// The two islands of a proposal, in order.
-fn pair_of(proposal: &Proposal, islands: &Islands) -> Option<(usize, usize)> {
-    proposal.ends(islands).map(|(a, b)| (a.min(b), a.max(b)))
+fn in_order((a, b): (usize, usize)) -> (usize, usize) {
+    (a.min(b), a.max(b))
+}
+
+/// True for proposals about the same two islands.
+fn same_pair(one: &Proposal, other: &Proposal, islands: &Islands) -> bool {
+    one.ends(islands).map(in_order) == other.ends(islands).map(in_order)
 }

@@ -2,13 +2,17 @@
 
 mod agenda;
 mod by_geometry;
+mod common_ground;
+mod estimate;
 mod evidence;
 mod landmarks;
 mod merger;
 mod places;
 mod recognition;
 mod sets;
+mod surroundings;
 mod together;
+mod usual;
 
 pub(crate) use landmarks::{GATE_CHI2, carried, places_of, point_jacobian, revisit, turned};
 pub use landmarks::{
@@ -19,7 +23,7 @@ pub(crate) use merger::Merger;
 
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2};
-use manifold::{Islands, PatchId, Provenance, RelationId};
+use manifold::{Elevation, Islands, PatchId, Provenance, RelationId};
 use serde::{Deserialize, Serialize};
 use std::ops::Add;
 
@@ -32,7 +36,8 @@ pub struct MergingSettings {
     /// Look for them by geometry: places that look alike.
     pub geometry: bool,
     /// Islands are joined only when the chance that this is wrong is bounded by so much; what falls
-    /// short is put on record as provisional. The default lets five places that fit pass.
+    /// short is put on record as provisional. The default lets four places that fit pass, if more
+    /// is confirmed than a copy of a part of the building could hold.
     pub false_merges: f64,
     /// Places of an island that are compared with others lie so far apart, metres.
     pub spacing_m: f64,
@@ -90,6 +95,7 @@ pub(crate) struct Proposal {
 
 /// What speaks for and against a merge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct EvidenceCounts {
     /// Matches that agree pairwise about how the islands lie to each other.
     pub matches: usize,
@@ -104,6 +110,14 @@ pub struct EvidenceCounts {
     pub fitting: usize,
     /// Mean share of sight lines through the other island's walls, per mille.
     pub seen_through_per_mille: u32,
+    /// Surface that both islands know something of, metres.
+    pub compared_m: u32,
+    /// That of it where one island looks through what the other has, centimetres.
+    pub contradicted_cm: u32,
+    /// Squares of five metres in which the surfaces of both agree and tell where they are.
+    pub squares: usize,
+    /// Those of them that a copy of a part of the building, 20 m long and wide, cannot hold.
+    pub beyond: usize,
 }
 
 impl Add for EvidenceCounts {
@@ -118,6 +132,10 @@ impl Add for EvidenceCounts {
             places: self.places + other.places,
             fitting: self.fitting + other.fitting,
             seen_through_per_mille: self.seen_through_per_mille.max(other.seen_through_per_mille),
+            compared_m: self.compared_m + other.compared_m,
+            contradicted_cm: self.contradicted_cm + other.contradicted_cm,
+            squares: self.squares + other.squares,
+            beyond: self.beyond + other.beyond,
         }
     }
 }
@@ -158,6 +176,69 @@ pub(crate) struct Link {
     pub to: PatchId,
     pub from_from_to: GaussianPose2,
     pub provenance: Provenance,
+}
+
+impl Link {
+    /// The frame of the island of `to` seen from that of `from`, as the link has it.
+    pub fn target_from_source(&self, map: &Map) -> Pose2 {
+        map.pose(self.from) * self.from_from_to.mean * map.pose(self.to).inverse()
+    }
+
+    /// Height of the island of `to` above that of `from`, as the link has it: both ends stand on
+    /// the same floor. `None` where nothing tells.
+    pub fn rise(&self, map: &Map) -> Option<Elevation> {
+        let [from, to] = [self.from, self.to].map(|end| map.manifold.patch(end).elevation);
+        let (from, to) = from.zip(to)?;
+        let variance_m2 = from.variance_m2 + to.variance_m2;
+        Some(Elevation { height_m: from.height_m - to.height_m, variance_m2 })
+    }
+
+    /// False when two links of the same islands say that they lie at different heights.
+    pub fn agrees_in_height(&self, other: &Link, map: &Map) -> bool {
+        let rises = self.rise(map).zip(other.rise(map));
+        rises.is_none_or(|(a, b)| !a.is_apart_from(&b))
+    }
+}
+
+/// Two alignments of the same islands nearer than this at their links are the same one, metres and
+/// radians: islands are bent.
+const SAME_M: f64 = 1.5;
+const SAME_RAD: f64 = 0.15;
+
+/// True when two sets of links say the same: most of the second lie where the nearest of the first
+/// has them, and at that height. They may differ by so much more per metre between them.
+fn say_the_same(map: &Map, links: &[Link], others: &[Link], bent_per_m: f64) -> bool {
+    same_on_the_plan(map, links, others, bent_per_m) && {
+        let same_height = |near: &Link, other: &Link| near.agrees_in_height(other, map);
+        most_agree(map, links, others, same_height)
+    }
+}
+
+/// [`say_the_same`] but for the height: storeys that look alike lie on each other on the plan.
+fn same_on_the_plan(map: &Map, links: &[Link], others: &[Link], bent_per_m: f64) -> bool {
+    most_agree(map, links, others, |near, other| {
+        let place = map.pose(other.to);
+        let here = near.target_from_source(map) * place;
+        let apart = here.between(&(other.target_from_source(map) * place));
+        let bent_m = bent_per_m * map.pose(near.to).distance(&place);
+        apart.norm() < SAME_M + bent_m && apart.yaw.abs() < SAME_RAD
+    })
+}
+
+/// True when most of the second set agree with the nearest of the first.
+fn most_agree(
+    map: &Map,
+    links: &[Link],
+    others: &[Link],
+    agree: impl Fn(&Link, &Link) -> bool,
+) -> bool {
+    let agrees = |other: &&Link| {
+        let place = map.pose(other.to);
+        let distance = |link: &&Link| map.pose(link.to).distance(&place);
+        let nearest = links.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.is_some_and(|near| agree(near, other))
+    };
+    2 * others.iter().filter(agrees).count() > others.len()
 }
 
 impl Proposal {

@@ -1,13 +1,12 @@
-use super::MergingSettings;
 use super::places::{Place, PlaceIndex};
+use super::{Link, MergingSettings};
 use crate::SlamConfig;
 use crate::loop_closing::{Candidate, ClosingSettings, SearchArea, Verifier};
 use crate::map::Map;
 use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::{Elevation, Islands, PatchId};
+use manifold::{Islands, PatchId, Provenance};
 use matching::MatchResult;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Two patches of different islands whose surroundings fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,9 +33,9 @@ pub(super) struct Recognition {
     pub tried: usize,
 }
 
-/// Of the places that look most like one so many are compared with it in the first pass. Where that
-/// joins all islands the others need not be.
-const FIRST_CANDIDATES: usize = 3;
+/// Of the places that look most like one so many are compared with it in each pass. What a pass has
+/// joined the next one need not compare.
+const CANDIDATES_A_PASS: usize = 1;
 
 impl Recognition {
     /// Plans to compare every place with those of other islands that look most like it.
@@ -46,16 +45,22 @@ impl Recognition {
             alike.into_iter().map(|place| [place.patch, query.patch]).collect::<Vec<_>>()
         };
         let alike: Vec<Vec<[PatchId; 2]>> = index.places.par_iter().map(alike).collect();
-        let pass = |ranks: Range<usize>| {
+        let pass = |first: usize| {
             let best = |pairs: &Vec<[PatchId; 2]>| {
-                pairs[ranks.start.min(pairs.len())..ranks.end.min(pairs.len())].to_vec()
+                pairs.iter().skip(first).take(CANDIDATES_A_PASS).copied().collect::<Vec<_>>()
             };
             let mut pairs: Vec<[PatchId; 2]> = alike.iter().flat_map(best).collect();
             pairs.sort_unstable();
             pairs
         };
-        let passes = vec![pass(FIRST_CANDIDATES..settings.candidates), pass(0..FIRST_CANDIDATES)];
+        let firsts = (0..settings.candidates).step_by(CANDIDATES_A_PASS);
+        let passes = firsts.rev().map(pass).collect();
         Recognition { passes, tried: 0 }
+    }
+
+    /// True when no pass is left.
+    pub fn is_done(&self) -> bool {
+        self.passes.is_empty()
     }
 
     /// Makes the next pass, between islands that are still apart; `None` after the last.
@@ -90,7 +95,7 @@ fn matches(
     let patch_from_query = GaussianPose2 { mean: Pose2::IDENTITY, covariance };
     let area = SearchArea::Around(config.merging.window_m);
     let candidate = Candidate { patch: place, patch_from_query, area };
-    let mut host = verifier.host(place, map);
+    let mut host = verifier.host_for_any(place, map);
     let find = |&[_, query]: &[PatchId; 2]| {
         let closure = verifier.verify_at(&mut host, query, &candidate, map).ok()?;
         Some(PlaceMatch::new(place, query, &closure.result, config))
@@ -101,25 +106,8 @@ fn matches(
 impl PlaceMatch {
     /// A verified match as a relation.
     pub fn new(from: PatchId, to: PatchId, found: &MatchResult, config: &SlamConfig) -> Self {
-        let matched = found.covariance * config.closing.caution;
-        let covariance = config.relation_covariance(&matched, None);
-        let from_from_to = GaussianPose2 { mean: found.pose, covariance };
+        let from_from_to = config.closure_relation(found);
         PlaceMatch { from, to, from_from_to, share: found.inlier_ratio }
-    }
-
-    /// Height of the island of `to` above that of `from`, as the match has it: both ends stand on
-    /// the same floor. `None` where nothing tells.
-    pub fn rise(&self, map: &Map) -> Option<Elevation> {
-        let [from, to] = [self.from, self.to].map(|end| map.manifold.patch(end).elevation);
-        let (from, to) = from.zip(to)?;
-        let variance_m2 = from.variance_m2 + to.variance_m2;
-        Some(Elevation { height_m: from.height_m - to.height_m, variance_m2 })
-    }
-
-    /// False when two matches of the same islands say that they lie at different heights.
-    pub fn agrees_in_height(&self, other: &PlaceMatch, map: &Map) -> bool {
-        let rises = self.rise(map).zip(other.rise(map));
-        rises.is_none_or(|(a, b)| !a.is_apart_from(&b))
     }
 
     /// The match seen from its other end.
@@ -128,9 +116,10 @@ impl PlaceMatch {
         PlaceMatch { from, to, from_from_to: self.from_from_to.inverse(), ..self }
     }
 
-    /// The frame of the island of `to` seen from that of `from`, as the match has it.
-    pub fn target_from_source(&self, map: &Map) -> Pose2 {
-        map.pose(self.from) * self.from_from_to.mean * map.pose(self.to).inverse()
+    /// The relation that the match would make.
+    pub fn link(&self) -> Link {
+        let PlaceMatch { from, to, from_from_to, .. } = *self;
+        Link { from, to, from_from_to, provenance: Provenance::Merge }
     }
 }
 

@@ -8,6 +8,10 @@ use optimizer::{ClosureCandidate, ConsistencySettings, consistent_sets};
 const TOLERANCE: [f64; 3] = [0.2, 0.2, 0.05];
 /// What an island may be bent, per metre between two of its places: metres, radians.
 const BENT_PER_M: [f64; 3] = [0.02, 0.02, 0.002];
+/// Farther apart they are bent no more than at this distance, metres: beyond it an alignment that
+/// differs by what would be allowed is another one, and matches all over a campus would agree with
+/// each other whatever they say.
+const BENT_UP_TO_M: f64 = 50.0;
 /// Sets of matches are looked for among the best so many of a pair of islands.
 const MOST_MATCHES: usize = 600;
 
@@ -43,7 +47,7 @@ pub(super) fn agreeing_sets(
     let within = |a: u64, b: u64| {
         let (a, b) = (PatchId(a as u32), PatchId(b as u32));
         let mean = map.pose(a).between(&map.pose(b));
-        let bent = BENT_PER_M.map(|per_m| per_m * mean.norm());
+        let bent = BENT_PER_M.map(|per_m| per_m * mean.norm().min(BENT_UP_TO_M));
         Some(GaussianPose2 { mean, covariance: tolerance(bent) })
     };
     consistent_sets(&candidates, within, &settings, least)

@@ -1,12 +1,10 @@
-use super::{Link, Proposal};
+use super::{Proposal, say_the_same};
 use crate::map::Map;
-use geometry::{GaussianPose2, Pose2};
+use geometry::GaussianPose2;
 use manifold::Islands;
 
-/// Two links nearer than this to each other say the same, metres and radians ...
-const SAME_M: f64 = 1.5;
-const SAME_RAD: f64 = 0.15;
-/// ... and more with the distance between them: what both islands may be bent, see `sets`.
+/// Links of places and of landmarks lie apart: what both islands may be bent between them, see
+/// `sets`.
 const BENT_PER_M: f64 = 0.04;
 
 /// Proposals by geometry and by landmarks, one for each two islands where they agree.
@@ -33,7 +31,7 @@ pub(super) fn together(
         if all[at].ends(islands) != Some(ends) {
             by_landmarks = by_landmarks.reversed();
         }
-        if is_same(map, &all[at], &by_landmarks) {
+        if say_the_same(map, &all[at].links, &by_landmarks.links, BENT_PER_M) {
             all[at].support(by_landmarks);
         } else {
             let (one, other) = (all[at].false_bound, by_landmarks.false_bound);
@@ -49,28 +47,6 @@ pub(super) fn together(
 /// which is right.
 fn doubted(own: f64, rival: f64) -> f64 {
     if rival >= 1.0 { own } else { (own / rival.max(f64::MIN_POSITIVE)).clamp(own, 1.0) }
-}
-
-/// True when two proposals for the same islands say the same: most links of the second lie where
-/// the nearest of the first has them.
-fn is_same(map: &Map, one: &Proposal, other: &Proposal) -> bool {
-    let agrees = |link: &&Link| {
-        let place = map.pose(link.to);
-        let distance = |near: &&Link| map.pose(near.to).distance(&place);
-        let nearest = one.links.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        nearest.is_some_and(|near| {
-            let [here, there] = [near, *link].map(|l| target_from_source(map, l) * place);
-            let apart = here.between(&there);
-            let bent = BENT_PER_M * distance(&near);
-            apart.norm() < SAME_M + bent && apart.yaw.abs() < SAME_RAD
-        })
-    };
-    2 * other.links.iter().filter(agrees).count() > other.links.len()
-}
-
-/// How the islands lie to each other by one link.
-fn target_from_source(map: &Map, link: &Link) -> Pose2 {
-    map.pose(link.from) * link.from_from_to.mean * map.pose(link.to).inverse()
 }
 
 impl Proposal {

@@ -7,10 +7,10 @@ use crate::map::Map;
 use crate::merging::{IslandLandmark, Merge, MergeState, Merger, places_of};
 use crate::refit::{optimise_relations, refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
-use crate::{Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
+use crate::{Event, Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
 use manifold::{Change, Manifold, PatchId, Relation, RelationId, RelationState, Retraction, Way};
-use sensing::RobotId;
+use sensing::{Observation, RobotId};
 use std::collections::VecDeque;
 
 /// The map of a team: every robot's own map, islands until evidence joins them.
@@ -66,6 +66,26 @@ impl Team {
     pub fn add_robot(&mut self, name: &str) -> RobotId {
         self.tracks.push(Track::default());
         self.map.manifold.add_robot(name)
+    }
+
+    /// Takes a robot into the team with the map that it makes of its observations by itself.
+    pub fn map_robot(
+        &mut self,
+        name: &str,
+        observations: impl IntoIterator<Item = Observation>,
+    ) -> RobotId {
+        let robot = self.add_robot(name);
+        let mut mapper = Mapper::new(self.config);
+        for observation in observations {
+            for event in mapper.step(observation) {
+                if let Event::Map(change) = event {
+                    self.repeat(robot, &change);
+                }
+            }
+        }
+        mapper.conclude();
+        self.join(robot, mapper);
+        robot
     }
 
     /// Repeats in the team's map what happened in a robot's own.

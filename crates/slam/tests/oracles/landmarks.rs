@@ -3,10 +3,10 @@
 
 use crate::runs::{Mapped, ate, building, map};
 use geometry::{Matrix2, Pose2, Vector2};
-use manifold::{Change, PatchId, Provenance};
+use manifold::{PatchId, Provenance};
 use manifoldslam_slam::{
-    Event, IslandLandmark, IslandLandmarks, LandmarkSettings, Mapper, MergeState, RefitMethod,
-    SlamConfig, Team, compare_landmarks,
+    IslandLandmark, IslandLandmarks, LandmarkSettings, MergeState, RefitMethod, SlamConfig, Team,
+    compare_landmarks,
 };
 use proptest::prelude::*;
 use sensing::{LandmarkKind, RobotId};
@@ -53,21 +53,7 @@ fn beside_the_way(ids: &[Option<&str>]) -> Vec<Landmark> {
 fn team_of(runs: &[Run], config: SlamConfig) -> Team {
     let mut team = Team::new(config);
     for (number, run) in runs.iter().enumerate() {
-        let robot = team.add_robot(&format!("robot-{number}"));
-        let mut mapper = Mapper::new(config);
-        for observation in &run.observations {
-            let events = mapper.step(observation.clone());
-            let changes: Vec<Change> = events
-                .into_iter()
-                .filter_map(|event| match event {
-                    Event::Map(change) => Some(change),
-                    Event::Localised(..) => None,
-                })
-                .collect();
-            team.receive(robot, &changes);
-        }
-        mapper.conclude();
-        team.join(robot, mapper);
+        team.map_robot(&format!("robot-{number}"), run.observations.iter().cloned());
     }
     team.finish();
     team

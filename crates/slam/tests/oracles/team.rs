@@ -3,33 +3,22 @@
 
 use crate::runs::{ate, building};
 use geometry::Pose2;
-use manifold::{Change, PatchId, Provenance, Relation, RelationState, Retraction};
-use manifoldslam_slam::{Event, Mapper, MergeState, SlamConfig, Team};
+use manifold::{PatchId, Provenance, Relation, RelationState, Retraction};
+use manifoldslam_slam::{MergeState, SlamConfig, Team};
 use sensing::{Observation, RobotId};
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
-use synthetic::{Robot, office, two_loop_building};
+use synthetic::{Meeting, Robot, TwinFamily, office, twins, two_loop_building};
 
 /// Adds a robot that mapped some observations, by an odometry frame of its own.
 fn join(team: &mut Team, name: &str, observations: &[Observation], odom: Pose2) -> RobotId {
-    let robot = team.add_robot(name);
-    let mut mapper = Mapper::new(SlamConfig::default());
-    for observation in observations {
-        let mut observation = observation.clone();
-        observation.odom_from_base = observation.odom_from_base.map(|pose| odom * pose);
-        let changes: Vec<Change> = mapper
-            .step(observation)
-            .into_iter()
-            .filter_map(|event| match event {
-                Event::Map(change) => Some(change),
-                Event::Localised(..) => None,
-            })
-            .collect();
-        team.receive(robot, &changes);
-    }
-    mapper.conclude();
-    team.join(robot, mapper);
-    robot
+    team.map_robot(
+        name,
+        observations.iter().cloned().map(|mut observation| {
+            observation.odom_from_base = observation.odom_from_base.map(|pose| odom * pose);
+            observation
+        }),
+    )
 }
 
 /// The two-loop building's log cut in two; the second robot starts in the middle and knows nothing
@@ -106,6 +95,48 @@ fn robots_of_different_buildings_stay_apart() {
         .active_relations()
         .filter(|r| team.manifold().patch(r.from).robot != team.manifold().patch(r.to).robot);
     assert_eq!(crossing.count(), 0);
+}
+
+/// Exact copies of 20 m of corridor in which five places fit, and nearly symmetric buildings in
+/// which nine do: what tells them apart are surfaces that the others look through.
+#[test]
+fn buildings_that_look_alike_stay_apart() {
+    let alike = [
+        (TwinFamily::Corridors, 1265),
+        (TwinFamily::Corridors, 1302),
+        (TwinFamily::Mirrored, 1057),
+        (TwinFamily::Mirrored, 1209),
+    ];
+    for (family, seed) in alike {
+        let case = twins(family, seed, Meeting::Apart);
+        let mut team = Team::new(SlamConfig::default());
+        for (number, run) in case.runs.iter().enumerate() {
+            join(&mut team, &format!("robot-{number}"), &run.observations, Pose2::IDENTITY);
+        }
+        team.merge();
+        let building = |patch: PatchId| case.buildings[usize::from(owner(&team, patch).0)];
+        for relation in team.manifold().active_relations() {
+            let (from, to) = (building(relation.from), building(relation.to));
+            assert_eq!(from, to, "{family:?} {seed}: {:?}", team.merges());
+        }
+    }
+}
+
+/// The same worlds with all robots in one building are one map.
+#[test]
+fn robots_of_one_of_those_buildings_are_joined() {
+    let case = twins(TwinFamily::Mirrored, 1057, Meeting::Together);
+    let mut team = Team::new(SlamConfig::default());
+    for (number, run) in case.runs.iter().enumerate() {
+        join(&mut team, &format!("robot-{number}"), &run.observations, Pose2::IDENTITY);
+    }
+    team.merge();
+    assert_eq!(team.manifold().islands().len(), 1, "{:?}", team.merges());
+    for merge in team.merges() {
+        let evidence = merge.evidence;
+        assert!(evidence.compared_m > 100 && evidence.contradicted_cm < 30, "{evidence:?}");
+        assert!(0 < evidence.beyond && evidence.beyond < evidence.squares, "{evidence:?}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Oracles for the synthetic worlds: fast against exhaustive ray casting, noise against its own
 //! statistics, robots against walls, written logs against what they were written from.
 
+mod campus;
 mod teams;
 
 use geometry::{LieGroup, Pose2, Vector2};

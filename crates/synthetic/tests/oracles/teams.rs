@@ -8,7 +8,7 @@ use synthetic::{FloorPlan, Meeting, RayCaster, Run, TwinCase, TwinFamily, twins}
 /// are longer than this: what a robot of 0.4 m width needs.
 const CLEARANCE_M: f64 = 0.2;
 
-fn assert_clear(run: &Run, world: &RayCaster, name: &str) {
+pub(crate) fn assert_clear(run: &Run, world: &RayCaster, name: &str) {
     for (i, pair) in run.truth.windows(2).enumerate() {
         let step = pair[1].translation() - pair[0].translation();
         if step.norm() > 1e-9 {

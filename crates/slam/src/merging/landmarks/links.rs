@@ -44,7 +44,7 @@ pub(super) fn link(
             match matched(&mut verifier, map, &link) {
                 Ok(closure) => {
                     linked.matched += 1;
-                    link.from_from_to = relation(&closure, config);
+                    link.from_from_to = config.closure_relation(&closure.result);
                 }
                 Err(Rejection::SeenThrough) if is_known(&link.from_from_to) => {
                     linked.contradicting += 1;
@@ -107,13 +107,6 @@ fn matched(verifier: &mut Verifier, map: &Map, link: &Link) -> Result<Closure, R
     let candidate = Candidate { patch: link.from, patch_from_query: link.from_from_to, area };
     let closure = verifier.verify(link.to, &candidate, map)?;
     if closure.surprise > GATE_CHI2[2] { Err(Rejection::Implausible) } else { Ok(closure) }
-}
-
-/// The relation of a verified match.
-pub(super) fn relation(closure: &Closure, config: &SlamConfig) -> GaussianPose2 {
-    let matched = closure.result.covariance * config.closing.caution;
-    let covariance = config.relation_covariance(&matched, None);
-    GaussianPose2 { mean: closure.result.pose, covariance }
 }
 
 /// True where a patch has surfaces to match: they come with a robot's whole map.

@@ -1,7 +1,7 @@
 use super::alignment::point_jacobian;
 use super::consensus::GATE_CHI2;
 use super::island::{IslandLandmark, IslandLandmarks, turned};
-use super::links::{has_surface, relation};
+use super::links::has_surface;
 use crate::SlamConfig;
 use crate::loop_closing::{Candidate, SearchArea, Verifier};
 use crate::map::Map;
@@ -43,7 +43,7 @@ pub(super) fn one_and_a_match(
     let jacobian = point_jacobian(&pose, &s.position);
     let spread = t.covariance
         + turned(&s.covariance, pose.yaw)
-        + jacobian * relation(&closure, config).covariance * jacobian.transpose();
+        + jacobian * config.closure_relation(&closure.result).covariance * jacobian.transpose();
     if error.dot(&(spread.try_inverse()? * error)) > GATE_CHI2[1] {
         return None;
     }
@@ -53,7 +53,7 @@ pub(super) fn one_and_a_match(
             (Provenance::Landmark, config.merging.landmarks.wrong_ids)
         }
     };
-    let from_from_to = relation(&closure, config);
+    let from_from_to = config.closure_relation(&closure.result);
     Some(Proposal {
         target_from_source: t.island_from_patch * pose * s.island_from_patch.inverse(),
         evidence: EvidenceCounts { matches: 1, agreeing: 1, ..EvidenceCounts::default() },

@@ -2,7 +2,7 @@
 //! their truth (`robot0.truth.tum`, ..., one world frame) and `case.json`.
 //!
 //! ```sh
-//! cargo run --release -p manifoldslam-synthetic --example twins -- FOLDER FIRST_SEED COUNT
+//! cargo run --release -p manifoldslam-synthetic --example twin_logs -- FOLDER FIRST_SEED COUNT
 //! ```
 //!
 //! A seed gives two folders for each family: robots apart (two islands) and together (one).
@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-const USAGE: &str = "usage: twins FOLDER FIRST_SEED COUNT";
+const USAGE: &str = "usage: twin_logs FOLDER FIRST_SEED COUNT";
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
