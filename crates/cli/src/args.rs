@@ -105,7 +105,8 @@ pub enum Switch {
     with everything it was made from. Several logs are taken for \
     robots of one team that know nothing of each other's start: what the evidence says belongs together becomes \
     one map, the rest islands (map.png the largest, map-2.png the next). A robot is called what its log is \
-    called; the order of the logs does not matter.\n\n\
+    called; the order of the logs does not matter. Where a robot's data went bad (carried, fallen, laser \
+    covered) its map is cut: those scans are left out, and what is on another island is in LOG.2.tum.\n\n\
     Examples:\n  \
     manifoldslam map intel.clf.bz2 -o out/intel\n  \
     manifoldslam map --odometry off aces.clf.bz2 -o out/aces\n  \

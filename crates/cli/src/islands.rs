@@ -9,7 +9,7 @@ const NAMED: usize = 4;
 pub struct IslandList {
     /// The islands; of equal ones the one with the older patch comes first.
     pub islands: Vec<Island>,
-    /// For each patch the index of its island.
+    /// For each patch the index of its island; `None` for those left out.
     of: Vec<Option<usize>>,
 }
 
@@ -23,10 +23,13 @@ pub struct Island {
 }
 
 impl IslandList {
-    /// The islands of a map, but for those of which every patch is left out.
+    /// The islands of a map, without patches that are left out.
     pub fn of(manifold: &Manifold) -> Self {
         let mut members = manifold.islands();
-        members.retain(|patches| patches.iter().any(|id| !manifold.patch(*id).left_out));
+        for patches in &mut members {
+            patches.retain(|id| !manifold.patch(*id).left_out);
+        }
+        members.retain(|patches| !patches.is_empty());
         members.sort_by_key(|patches| (Reverse(patches.len()), patches[0]));
         let mut of = vec![None; manifold.patches().len()];
         for (k, patches) in members.iter().enumerate() {
@@ -42,7 +45,7 @@ impl IslandList {
         IslandList { islands: members.into_iter().map(island).collect(), of }
     }
 
-    /// The index of a patch's island; `None` where all of it is left out.
+    /// The index of a patch's island; `None` for a patch that is left out.
     pub fn index(&self, patch: PatchId) -> Option<usize> {
         self.of[patch.index()]
     }

@@ -5,6 +5,7 @@
 
 mod args;
 mod atomic;
+mod bad_data;
 mod benchmark;
 mod commands;
 mod config;
@@ -23,6 +24,7 @@ mod scoring;
 mod site_info;
 mod site_writer;
 mod terminal;
+mod tracks;
 
 use clap::Parser;
 use std::process::ExitCode;

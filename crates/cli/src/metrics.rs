@@ -1,3 +1,4 @@
+use crate::bad_data::BadData;
 use crate::islands::title;
 use crate::level_maps::LevelMetrics;
 use crate::mapping::{LogFacts, MappedRobot, MappedTeam, path_length};
@@ -52,6 +53,21 @@ pub struct LogMetrics {
     pub path_m: f64,
     /// Numbers of the islands the robot's patches are on, from 1.
     pub islands: Vec<usize>,
+    /// Its trajectories, each in the frame of one island.
+    pub trajectories: Vec<TrajectoryFile>,
+    /// What is left out of the map because the data were bad.
+    pub bad_data: Vec<BadData>,
+}
+
+/// Where a robot was on an island.
+#[derive(Debug, Serialize)]
+pub struct TrajectoryFile {
+    /// The file of the poses.
+    pub file: String,
+    /// Number of the island, from 1.
+    pub island: usize,
+    /// Scans on it.
+    pub scans: usize,
 }
 
 /// A connected map.
@@ -142,7 +158,7 @@ impl Metrics {
         for log in &self.logs {
             text.push_str(&log.to_text());
         }
-        if self.logs.len() > 1 {
+        if self.logs.len() > 1 || self.islands.len() > 1 || !self.merges.is_empty() {
             for (k, island) in self.islands.iter().enumerate() {
                 text.push_str(&format!("  island {}: {}\n", k + 1, island.to_text()));
             }
@@ -206,14 +222,23 @@ impl LogMetrics {
         let own = manifold.patches().iter().filter(|patch| patch.robot == id);
         let islands: BTreeSet<usize> =
             own.filter_map(|p| Some(mapped.islands.index(p.id)? + 1)).collect();
+        let tracks = || mapped.tracks.iter().filter(|track| track.robot == usize::from(id.0));
+        let length = |track| path_length(&mapped.poses_of(track).collect::<Vec<_>>());
+        let trajectories = tracks().map(|track| TrajectoryFile {
+            file: track.file.clone(),
+            island: track.island + 1,
+            scans: track.scans.len(),
+        });
         let file = std::path::absolute(&robot.log).unwrap_or_else(|_| robot.log.clone());
         LogMetrics {
             robot: robot.name.clone(),
             file: file.display().to_string(),
             facts: robot.facts.clone(),
             patches: robot.patch_scans.len(),
-            path_m: path_length(&mapped.poses[usize::from(id.0)]),
+            path_m: tracks().map(length).sum(),
             islands: islands.into_iter().collect(),
+            trajectories: trajectories.collect(),
+            bad_data: BadData::of(robot, mapped.team.bad_stretches(id)),
         }
     }
 

@@ -1,3 +1,4 @@
+use crate::bad_data::warnings;
 use crate::config::Config;
 use crate::islands::title;
 use crate::mapping::MappedTeam;
@@ -37,7 +38,10 @@ pub fn report(
         };
         report.map(&island.grid, &annotations)?;
     }
-    if mapped.robots.len() > 1 {
+    for warning in warnings(metrics) {
+        report.paragraph(&format!("Left out: {warning}."));
+    }
+    if mapped.robots.len() > 1 || drawn.len() > 1 {
         robots(&mut report, metrics);
         merges(&mut report, metrics);
     }

@@ -84,11 +84,12 @@ pub fn write_result(
             false => write_levels(&folder, mapped, &drawn[island], island)?,
         }
     }
-    for (robot, poses) in mapped.robots.iter().zip(&mapped.poses) {
-        let stamps = robot.stamps.iter().map(String::as_str);
+    for track in &mapped.tracks {
+        let stamps = &mapped.robots[track.robot].stamps;
+        let stamps = track.scans.iter().map(|&scan| stamps[scan].as_str());
         let mut tum = Vec::new();
-        write_tum(&mut tum, stamps.zip(poses.iter().copied()))?;
-        folder.write(&format!("{}.tum", robot.name), &tum)?;
+        write_tum(&mut tum, stamps.zip(mapped.poses_of(track)))?;
+        folder.write(&track.file, &tum)?;
     }
     let mut g2o = Vec::new();
     logs::g2o::write_g2o(&mut g2o, &pose_graph(mapped.team.manifold())?)?;
@@ -153,7 +154,8 @@ fn write_map(
     folder.write(&map_file(island, "yaml"), ros_map_yaml(&drawn.grid, &pgm).as_bytes())
 }
 
-/// Which scan of which robot each patch was made of, and the number of its island.
+/// Which scan of which robot each patch was made of, and the number of its island; 0 for a patch
+/// that is left out.
 fn patches_csv(mapped: &MappedTeam) -> String {
     let mut text = String::from("patch,scan,stamp,robot,island\n");
     let mut next = vec![0; mapped.robots.len()];
@@ -163,8 +165,7 @@ fn patches_csv(mapped: &MappedTeam) -> String {
         // A robot's patches keep their order among the team's.
         let scan = robot.patch_scans[next[k]];
         next[k] += 1;
-        let island =
-            mapped.islands.index(patch.id).map_or_else(String::new, |k| (k + 1).to_string());
+        let island = mapped.islands.index(patch.id).map_or(0, |island| island + 1);
         let (stamp, name) = (&robot.stamps[scan], csv_field(&robot.name));
         let _ = writeln!(text, "{},{scan},{stamp},{name},{island}", patch.id.0);
     }

@@ -28,6 +28,8 @@ pub struct ResultFolder {
     was_there: bool,
     /// What is in it must survive a failure.
     kept: bool,
+    /// The files of trajectories in the result that is brought up to date.
+    older_trajectories: BTreeSet<String>,
     written: RefCell<BTreeSet<String>>,
 }
 
@@ -50,6 +52,7 @@ impl ResultFolder {
             place,
             was_there,
             kept: false,
+            older_trajectories: BTreeSet::new(),
             written: RefCell::default(),
         })
     }
@@ -61,6 +64,7 @@ impl ResultFolder {
             place: target.to_owned(),
             was_there: true,
             kept: true,
+            older_trajectories: trajectories_of(target),
             written: RefCell::default(),
         })
     }
@@ -104,7 +108,7 @@ impl ResultFolder {
         let cannot = || format!("{}: cannot replace", self.target.display());
         self.kept = true;
         if self.place == self.target {
-            return self.remove_older_maps();
+            return self.remove_what_is_out_of_date();
         }
         let old = beside(&self.target, "old")?;
         fs::rename(&self.target, &old).with_context(cannot)?;
@@ -116,12 +120,14 @@ impl ResultFolder {
         fs::remove_dir_all(&old).with_context(|| format!("{}: cannot remove", old.display()))
     }
 
-    /// Removes the maps of islands that there are no more.
-    fn remove_older_maps(&self) -> Result<()> {
+    /// Removes the maps of islands that there are no more, and trajectories that the older result
+    /// had and this one has not.
+    fn remove_what_is_out_of_date(&self) -> Result<()> {
         let written = self.written.borrow();
         for entry in fs::read_dir(&self.place)? {
             let name = entry?.file_name().to_string_lossy().into_owned();
-            if is_island_map(&name) && !written.contains(&name) {
+            let is_ours = is_island_map(&name) || self.older_trajectories.contains(&name);
+            if is_ours && !written.contains(&name) {
                 fs::remove_file(self.path(&name))
                     .with_context(|| format!("{}: cannot remove", self.path(&name).display()))?;
             }
@@ -162,6 +168,16 @@ pub fn result_folder_of(file: &Path) -> Result<Option<ResultFolder>> {
         true => Some(ResultFolder::update(folder)?),
         false => None,
     })
+}
+
+/// The files of trajectories that a result folder names in its figures; none where it has no
+/// figures, or such that this program did not write.
+fn trajectories_of(folder: &Path) -> BTreeSet<String> {
+    let figures = fs::read(folder.join(METRICS)).unwrap_or_default();
+    let figures: serde_json::Value = serde_json::from_slice(&figures).unwrap_or_default();
+    let logs = figures["logs"].as_array().into_iter().flatten();
+    let all = logs.flat_map(|log| log["trajectories"].as_array().into_iter().flatten());
+    all.filter_map(|track| track["file"].as_str().map(str::to_owned)).collect()
 }
 
 /// `map.pgm`, `map-2.png`, `map-level-0.png`, `map-2-level-0.png` and the like.

@@ -3,6 +3,8 @@
 // A test that cannot unwrap has failed.
 #![allow(clippy::unwrap_used)]
 
+#[path = "oracles/bad_data.rs"]
+mod bad_data;
 #[path = "oracles/bad_input.rs"]
 mod bad_input;
 #[path = "oracles/benchmark.rs"]

@@ -16,6 +16,10 @@ const LEVEL_RAD: f64 = 0.035;
 /// A standing robot's reading counts as if it had driven this far with it, metres: something is
 /// known before it moves, and soon outweighed.
 const STANDING_WEIGHT_M: f64 = 1e-3;
+/// Where odometry does not tell how far, all readings count alike, metres: a slow drive.
+const UNMEASURED_WEIGHT_M: f64 = 0.05;
+/// Odometry that jumps counts no more than this, metres.
+const MOST_WEIGHT_M: f64 = 1.0;
 /// A base that leans by so much more or less than where it was before tips over an edge, radians:
 /// one degree, twice the noise of two readings.
 const TIPPING_RAD: f64 = 0.011;
@@ -53,17 +57,38 @@ impl Climbing {
         }
     }
 
-    /// Puts an observation and its surface on the plan. Observations without attitude stay what
-    /// they are.
-    pub fn level(&mut self, observation: &mut Observation, surface: &mut Vec<LinePoint>) -> Stance {
+    /// Takes the next observation's attitude and puts its odometry on the plan: wheels count along
+    /// the slope; on the plan the way is shorter. An observation without attitude stays what it is.
+    ///
+    /// What is found depends on the log alone, so that scans that were kept are levelled again as
+    /// they were.
+    pub fn level_odometry(&mut self, observation: &mut Observation) {
         self.last = std::mem::replace(&mut self.now, observation.attitude);
-        let Some(reading) = observation.attitude else {
+        let (Some(reading), odometry) = (observation.attitude, observation.odom_from_base) else {
             self.odometry = None;
-            return Stance::Upright;
+            return;
         };
-        self.bias.observe(&reading, STANDING_WEIGHT_M);
+        let before = self.odometry.zip(odometry);
+        let driven_m = before.map_or(UNMEASURED_WEIGHT_M, |((last, _), now)| {
+            last.distance(&now).clamp(STANDING_WEIGHT_M, MOST_WEIGHT_M)
+        });
+        self.bias.observe(&reading, driven_m);
         let attitude = reading.without(&self.bias.estimate());
-        self.level_odometry(observation, &attitude);
+        self.odometry = odometry.map(|now| {
+            let plan = before.map_or(now, |((last, plan), _)| {
+                let step = last.between(&now);
+                let (along, across) = (attitude.pitch_rad.cos(), attitude.roll_rad.cos());
+                plan * Pose2::new(step.x * along, step.y * across, step.yaw)
+            });
+            (now, plan)
+        });
+        observation.odom_from_base = self.odometry.map(|(_, plan)| plan);
+    }
+
+    /// Puts the scan of the observation taken last and its surface on the plan.
+    pub fn level(&self, observation: &mut Observation, surface: &mut Vec<LinePoint>) -> Stance {
+        let Some(reading) = observation.attitude else { return Stance::Upright };
+        let attitude = reading.without(&self.bias.estimate());
         if is_tipped(&attitude) {
             surface.clear();
             return Stance::Tipped;
@@ -78,29 +103,12 @@ impl Climbing {
         Stance::Upright
     }
 
-    /// Wheels count along the slope; on the plan the way is shorter.
-    fn level_odometry(&mut self, observation: &mut Observation, attitude: &Attitude) {
-        let Some(reading) = observation.odom_from_base else {
-            self.odometry = None;
-            return;
-        };
-        let mut plan = reading;
-        if let Some((last, plan_last)) = self.odometry {
-            let step = last.between(&reading);
-            let (along, across) = (attitude.pitch_rad.cos(), attitude.roll_rad.cos());
-            plan = plan_last * Pose2::new(step.x * along, step.y * across, step.yaw);
-        }
-        self.odometry = Some((reading, plan));
-        observation.odom_from_base = Some(plan);
-    }
-
     /// Notes the motion found from the scan before to this one.
     pub fn moved(&mut self, motion: &Pose2) {
         let (Some(last), Some(now)) = (self.last, self.now) else {
             self.since_patch = None;
             return;
         };
-        self.bias.observe(&now, motion.norm());
         let pitch = 0.5 * (last.pitch_rad + now.pitch_rad);
         // Upside down there is no telling: the way counts as level, and doubtful.
         let pitch = pitch.clamp(-TIPPED_RAD, TIPPED_RAD);

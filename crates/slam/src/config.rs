@@ -1,4 +1,7 @@
-use crate::{ClosingSettings, ElevationSettings, MergingSettings, OdometrySettings, RefitSettings};
+use crate::{
+    ClosingSettings, ElevationSettings, IntegritySettings, MergingSettings, OdometrySettings,
+    RefitSettings,
+};
 use geometry::{LieGroup, Pose2};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
@@ -26,6 +29,8 @@ pub struct SlamConfig {
     pub relation_floor: RelationFloor,
     /// Loop closing.
     pub closing: ClosingSettings,
+    /// Noticing bad data.
+    pub integrity: IntegritySettings,
     /// Joining islands.
     pub merging: MergingSettings,
     /// The global refit.
@@ -51,6 +56,7 @@ impl Default for SlamConfig {
             submap: SubmapLimits::default(),
             relation_floor: RelationFloor::default(),
             closing: ClosingSettings::default(),
+            integrity: IntegritySettings::default(),
             merging: MergingSettings::default(),
             refit: RefitSettings::default(),
             noise: BeamNoise::default(),

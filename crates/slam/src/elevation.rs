@@ -10,10 +10,11 @@ use geometry::Vector2;
 pub use ground::KnownGround;
 pub(crate) use ground::forget_ground;
 use manifold::{Climb, Elevation, Manifold, Patch, PatchId};
-use measured::rises;
+use measured::Rise;
+use rayon::prelude::*;
 use sensing::Attitude;
 use serde::{Deserialize, Serialize};
-use solve::{along_best_path, least_squares};
+use solve::heights_on;
 
 /// Heights by inertial unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +61,12 @@ pub(crate) fn climbed(climb: &Climb, bias_rad: f64) -> (f64, f64) {
     (rise_m, climb.variance_m2 + (RISE_SHARE * rise_m).powi(2))
 }
 
+/// The height so far from a known one, without a word of what lies between.
+pub(crate) fn unknown_rise(from: Elevation, distance_m: f64) -> Elevation {
+    let doubt_m = measured::UNKNOWN_SLOPE * distance_m;
+    Elevation { variance_m2: from.variance_m2 + doubt_m * doubt_m, ..from }
+}
+
 fn is_level(rise_m: f64, distance_m: f64) -> bool {
     rise_m.abs() <= LEVEL_RAD * distance_m.abs().max(LEAST_WAY_M)
 }
@@ -83,19 +90,23 @@ pub(crate) fn raw_slope(reading: &Attitude, bias: &Attitude) -> Vector2<f64> {
 /// the bias of every unit; elsewhere nothing changes.
 pub(crate) fn estimate_elevations(map: &mut Map) {
     let manifold = &map.manifold;
-    if manifold.ways().iter().all(|way| way.climb.is_none()) {
+    if manifold.patches().iter().all(|patch| patch.attitude.is_none()) {
         return;
     }
     let biases = biases(manifold);
     let islands = manifold.component_map();
-    let rises = rises(manifold, &islands, &biases);
-    let mut heights = vec![None; manifold.patches().len()];
-    for island in &islands.members {
-        if island.iter().any(|&patch| manifold.patch(patch).attitude.is_some()) {
-            along_best_path(island[0], &rises, &mut heights);
-        }
+    let mut rises: Vec<Vec<Rise>> = vec![Vec::new(); islands.members.len()];
+    for rise in measured::rises(manifold, &islands, &biases) {
+        rises[islands.of(rise.from)].push(rise);
     }
-    least_squares(&rises, biases.len(), &mut heights);
+    let on = |(island, rises): (&Vec<PatchId>, Vec<Rise>)| {
+        let told = island.iter().any(|&patch| manifold.patch(patch).attitude.is_some());
+        told.then(|| heights_on(island, &rises))
+    };
+    let found = islands.members.par_iter().zip(rises).filter_map(on).flatten_iter();
+    let found: Vec<(PatchId, Elevation)> = found.collect();
+    let mut heights = vec![None; manifold.patches().len()];
+    found.into_iter().for_each(|(patch, height)| heights[patch.index()] = Some(height));
     map.slopes = slopes(manifold, &biases);
     let changed = changed(manifold, &heights);
     map.manifold.elevate(changed);

@@ -1,6 +1,7 @@
 use crate::SlamConfig;
 use crate::active_submap::ActiveSubmap;
 use crate::climbing::{Climbing, Stance};
+use crate::elevation::unknown_rise;
 use crate::localiser::{Expectation, Localised, Localiser, SightedScan};
 use crate::map::Map;
 use crate::odometer::{Motion, Odometer};
@@ -21,6 +22,10 @@ pub(crate) struct FrontEnd {
     climbing: Climbing,
     last_motion: Pose2,
     last_patch: Option<PatchId>,
+    /// Where the first patch of a piece of map is put.
+    start: Pose2,
+    /// The patch it is related to, and how.
+    bridge: Option<(PatchId, GaussianPose2)>,
     /// Covariance added by disagreement of odometry and matches since the last patch.
     doubt: Matrix3<f64>,
 }
@@ -36,6 +41,10 @@ pub(crate) struct Localisation {
     pub recovered: bool,
     /// Share of the scan that the submap explains; 1 for the first scan and those not matched.
     pub explained: f64,
+    /// From where it was expected to where it was found.
+    pub shift: Pose2,
+    /// Rise of the ground per metre forwards and to the left, in the base's frame.
+    pub slope: Vector2<f64>,
     /// The robot had fallen over: the scan was not matched.
     pub tipped: bool,
 }
@@ -51,12 +60,19 @@ impl FrontEnd {
             climbing: Climbing::new(config.elevation),
             last_motion: Pose2::IDENTITY,
             last_patch: None,
+            start: Pose2::IDENTITY,
+            bridge: None,
             doubt: Matrix3::zeros(),
         }
     }
 
-    /// Puts an observation and its surface on the plan, before [`FrontEnd::process`].
-    pub fn level(&mut self, observation: &mut Observation, surface: &mut Vec<LinePoint>) -> Stance {
+    /// Puts an observation's odometry on the plan, before anything else.
+    pub fn level_odometry(&mut self, observation: &mut Observation) {
+        self.climbing.level_odometry(observation);
+    }
+
+    /// Puts its scan and surface on the plan, before [`FrontEnd::process`].
+    pub fn level(&self, observation: &mut Observation, surface: &mut Vec<LinePoint>) -> Stance {
         self.climbing.level(observation, surface)
     }
 
@@ -69,7 +85,7 @@ impl FrontEnd {
         map: &mut Map,
     ) -> Localisation {
         let Some(last_patch) = self.last_patch else {
-            return self.start_island(observation, scan, map);
+            return self.start_piece(observation, scan, map);
         };
         let motion = self.odometer.read(&observation, &self.last_motion);
         self.localise(motion, last_patch, observation, scan, map)
@@ -83,7 +99,7 @@ impl FrontEnd {
         map: &mut Map,
     ) -> Localisation {
         if self.last_patch.is_none() {
-            return Localisation { tipped: true, ..self.start_island(observation, scan, map) };
+            return Localisation { tipped: true, ..self.start_piece(observation, scan, map) };
         }
         let motion = self.odometer.read(&observation, &self.last_motion).expected;
         self.odometer.distrust();
@@ -98,6 +114,8 @@ impl FrontEnd {
             is_patch: false,
             recovered: false,
             explained: 1.0,
+            shift: Pose2::IDENTITY,
+            slope: self.climbing.slope(),
             tipped: true,
         }
     }
@@ -130,7 +148,8 @@ impl FrontEnd {
         }
         let expected = &expected.poses[confirmed];
         let pose = if result.status.is_usable() { result.pose } else { expected.mean };
-        self.note_disagreement(&expected.mean.between(&pose), expected, &result, poor);
+        let shift = expected.mean.between(&pose);
+        self.note_disagreement(&shift, expected, &result, poor);
         self.last_motion = self.anchor_from_base.between(&pose);
         self.anchor_from_base = pose;
         self.climbing.moved(&self.last_motion);
@@ -155,6 +174,8 @@ impl FrontEnd {
             is_patch,
             recovered,
             explained,
+            shift,
+            slope: self.climbing.slope(),
             tipped: false,
         }
     }
@@ -179,6 +200,19 @@ impl FrontEnd {
         }
     }
 
+    /// Begins another piece of map with the next scan, whose pose is given: nothing relates it to
+    /// what was mapped before.
+    pub fn restart(&mut self, island_from_base: Pose2) {
+        // What the inertial unit reads on the level stays known.
+        let climbing = self.climbing.clone();
+        *self = FrontEnd { start: island_from_base, climbing, ..FrontEnd::new(self.config) };
+    }
+
+    /// Relates the first patch of the next piece to an earlier one after all.
+    pub fn bridge(&mut self, from: PatchId, relation: GaussianPose2) {
+        self.bridge = Some((from, relation));
+    }
+
     /// After a refit moved the map: lays the submap anew around `patch`, the robot staying where it
     /// is seen from there.
     pub fn relocate(&mut self, map: &Map, patch: PatchId) {
@@ -189,7 +223,7 @@ impl FrontEnd {
         self.submap.rebuild(map, patch, &self.config.submap, margin);
     }
 
-    fn start_island(
+    fn start_piece(
         &mut self,
         observation: Observation,
         scan: &[LinePoint],
@@ -198,10 +232,13 @@ impl FrontEnd {
         self.odometer.read(&observation, &Pose2::IDENTITY);
         self.odometer.new_patch();
         self.climbing.new_patch();
-        let ground = Elevation { height_m: 0.0, variance_m2: 0.0 };
-        let elevation = observation.attitude.map(|_| ground);
+        let bridge = self.bridge.take();
+        let elevation = observation.attitude.map(|_| ground_of_piece(bridge.as_ref(), map));
         map.slopes.push(self.climbing.slope());
-        let patch = add_patch(observation, scan, Pose2::IDENTITY, elevation, map);
+        let patch = add_patch(observation, scan, self.start, elevation, map);
+        if let Some((from, relation)) = bridge {
+            map.manifold.relate(from, patch, relation, Provenance::Sequential);
+        }
         self.last_patch = Some(patch);
         self.relocate(map, patch);
         Localisation {
@@ -211,6 +248,8 @@ impl FrontEnd {
             is_patch: true,
             recovered: false,
             explained: 1.0,
+            shift: Pose2::IDENTITY,
+            slope: self.climbing.slope(),
             tipped: false,
         }
     }
@@ -302,6 +341,16 @@ const DECISIVE_STD: [f64; 3] = [0.05, 0.05, 0.02];
 /// Odometry and match contradict each other beyond this many standard deviations of the motion
 /// model.
 const DISAGREEMENT_SIGMAS: f64 = 4.0;
+
+/// The height at which a piece of map begins: zero, or what the bridge to an earlier piece leaves
+/// known.
+fn ground_of_piece(bridge: Option<&(PatchId, GaussianPose2)>, map: &Map) -> Elevation {
+    let before = bridge.and_then(|(from, relation)| {
+        let from = map.manifold.patch(*from).elevation?;
+        Some(unknown_rise(from, relation.mean.norm()))
+    });
+    before.unwrap_or(Elevation { height_m: 0.0, variance_m2: 0.0 })
+}
 
 fn add_patch(
     observation: Observation,

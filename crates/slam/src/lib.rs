@@ -10,6 +10,7 @@ mod config;
 mod elevation;
 mod event;
 mod front_end;
+mod integrity;
 mod localiser;
 mod loop_closing;
 mod map;
@@ -31,6 +32,7 @@ mod unit_bias;
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
 pub use elevation::{ElevationSettings, KnownGround};
 pub use event::{Event, Stage, StageObserver, Unobserved};
+pub use integrity::{BadStretch, Fault, IntegritySettings};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};
 pub use mapper::Mapper;
 pub use merging::{

@@ -2,6 +2,7 @@ use geometry::{Pose2, Vector2};
 use manifold::{Manifold, PatchId};
 use matching::LinePoint;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// The manifold with what the pipeline derives from its scans and remembers of its making.
 #[derive(Clone, Debug, Default)]
@@ -9,6 +10,9 @@ pub(crate) struct Map {
     pub manifold: Manifold,
     /// Line points of every patch, in the patch's frame.
     pub surfaces: Vec<Vec<LinePoint>>,
+    /// The line points of the patches that saw ground, that of the ground included; `surfaces` has
+    /// them without.
+    pub with_ground: BTreeMap<PatchId, Vec<LinePoint>>,
     /// See [`Map::slope`]; patches beyond the end stand on the level.
     pub slopes: Vec<Vector2<f64>>,
 }
@@ -46,8 +50,12 @@ impl Map {
 
     /// True when two patches' lasers swept planes of about the same slope.
     pub fn lean_alike(&self, a: PatchId, b: PatchId) -> bool {
-        let slope = |patch: PatchId| self.pose(patch).rotate(self.slope(patch));
-        (slope(a) - slope(b)).norm() <= SAME_PLANE_RAD
+        self.leans_alike(a, &self.pose(b).rotate(self.slope(b)))
+    }
+
+    /// [`Map::lean_alike`] for a laser that swept a plane of a slope given in the island's frame.
+    pub fn leans_alike(&self, patch: PatchId, slope: &Vector2<f64>) -> bool {
+        (self.pose(patch).rotate(self.slope(patch)) - slope).norm() <= SAME_PLANE_RAD
     }
 
     /// Rise per metre forwards and to the left of the ground under a patch; zero where nothing
@@ -88,5 +96,6 @@ impl Map {
             self.surfaces.resize(patch.index() + 1, Vec::new());
         }
         self.surfaces[patch.index()] = surface;
+        self.with_ground.remove(&patch);
     }
 }

@@ -28,5 +28,7 @@ pub(crate) struct ScanRecord {
     pub pose: ScanPose,
     pub stamp: Stamp,
     pub odom_from_base: Option<Pose2>,
+    /// Its robot's data were bad: it is no part of the map.
+    pub left_out: bool,
     pub surface: CompactPoints,
 }

@@ -13,6 +13,7 @@
 //! Reading order: [`FloorPlan`], [`RayCaster`], [`Scanner`], [`Drive`], [`WheelNoise`], [`Run`],
 //! then the buildings made of them and the CARMEN writer.
 
+mod bad_data;
 mod buildings;
 mod campus;
 mod campus_parts;
@@ -40,6 +41,7 @@ mod wheels;
 mod wing;
 mod wood;
 
+pub use bad_data::{Mishap, MishapRun, mishap};
 pub use buildings::{
     circular_room, corridor, corridor_run, two_loop_building, two_loop_building_with,
 };

@@ -1,5 +1,6 @@
 use crate::Outcome;
 use crate::args::{ConfigArgs, Global, MapArgs};
+use crate::bad_data::warn;
 use crate::config::Config;
 use crate::islands::map_file;
 use crate::mapping::{LogSource, canonical, map_new, map_onto, stored_config};
@@ -63,6 +64,7 @@ fn map_onto_site(
         }
         None => figures(&mapped, &config, start, site)?,
     };
+    warn(&metrics);
     let _ = write!(text, "{}\n  manifold file: {}", metrics.to_text(), file.display());
     if let Some(output) = output {
         let _ = write!(text, "\n{}", where_to_look(&output, &metrics));
@@ -114,6 +116,7 @@ fn map_together(
     let (mapped, site) = map_new(sources, &folder.path(SITE), config, global)?;
     folder.keep();
     let metrics = write_result(folder, &mapped, config, start, site)?;
+    warn(&metrics);
     Ok((metrics, mapped.is_lossy()))
 }
 

@@ -4,13 +4,15 @@ use crate::atomic::PendingFile;
 use crate::config::Config;
 use crate::drawing::occupancy;
 use crate::islands::{Island, IslandList, title};
-use crate::mapping::{read_options, stored_config};
+use crate::mapping::{bad_stretches, read_options, stored_config};
 use crate::reading::Reading;
 use crate::result_folder::SITE;
 use crate::terminal::{counted, print};
+use crate::tracks::is_bad;
 use anyhow::{Result, bail};
 use geometry::{Pose2, wrap_angle};
 use logs::{LogFile, open_tum};
+use manifold::Robot;
 use rendering::{
     Annotations, OccupancyGrid, ScanView, Trajectory, map_png, map_svg, ros_map_pgm, ros_map_yaml,
 };
@@ -147,23 +149,25 @@ impl Source {
         let Some(Island { patches, robots }) = islands.islands.get(island) else {
             bail!("{}: has {}", file.display(), counted(islands.islands.len() as u64, "island"));
         };
-        let on_island = |scan: &TrackedScan| islands.index(scan.patch) == Some(island);
         let (mut paths, mut scans) = (Vec::new(), Vec::new());
-        for robot in site.manifold.robots().iter().filter(|r| robots.iter().any(|n| **n == *r.name))
-        {
-            let tracked = &site.trajectories[usize::from(robot.id.0)];
-            let poses: Vec<Pose2> = site.poses(robot.id).collect();
-            let here = tracked.iter().zip(&poses).filter(|(scan, _)| on_island(scan));
-            paths.push((robot.name.to_string(), here.map(|(_, pose)| *pose).collect()));
+        let drawn = |robot: &&Robot| robots.iter().any(|name| **name == *robot.name);
+        for robot in site.manifold.robots().iter().filter(drawn) {
+            let bad = bad_stretches(&site, robot.id);
+            let tracked =
+                site.trajectories[usize::from(robot.id.0)].iter().zip(site.poses(robot.id));
+            let is_here = |(k, (scan, _)): &(usize, (&TrackedScan, Pose2))| {
+                islands.index(scan.patch) == Some(island) && !is_bad(&bad, *k)
+            };
+            let here: Vec<(usize, Pose2)> =
+                tracked.enumerate().filter(is_here).map(|(k, (_, pose))| (k, pose)).collect();
             if args.all_scans {
-                let taken = site.taken(robot.id).into_iter().zip(tracked.iter().zip(poses));
-                scans.extend(taken.filter(|(_, (scan, _))| on_island(scan)).filter_map(
-                    |(taken, (_, pose))| {
-                        let taken = taken?;
-                        Some((pose * taken.base_from_laser, taken.scan?))
-                    },
-                ));
+                let taken = site.taken(robot.id);
+                scans.extend(here.iter().filter_map(|(k, pose)| {
+                    let taken = taken[*k].as_ref()?;
+                    Some((*pose * taken.base_from_laser, taken.scan.clone()?))
+                }));
             }
+            paths.push((robot.name.to_string(), here.into_iter().map(|(_, pose)| pose).collect()));
         }
         if !args.all_scans {
             let patches = patches.iter().map(|id| site.manifold.patch(*id)).filter(|p| !p.left_out);

@@ -18,6 +18,11 @@ pub const FINISHED: &str = "finished";
 /// ... islands that were joined and those that may be, as JSON.
 pub const MERGES: &str = "merges";
 
+/// The entry of the stretches of a robot's log that are left out, as JSON.
+pub fn bad_data_key(robot: RobotId) -> String {
+    format!("bad-data.{}", robot.0)
+}
+
 /// The entry of what a robot's mapping counted, as JSON; it is there when its log is mapped.
 pub fn statistics_key(robot: RobotId) -> String {
     format!("statistics.{}", robot.0)
@@ -62,7 +67,9 @@ pub fn keep_log(
 pub fn keep_statistics(writer: &SiteWriter, robot: RobotId, team: &Team) {
     // Plain numbers cannot fail to be written.
     let counted = serde_json::to_string(&team.robot_statistics(robot)).unwrap_or_default();
+    let bad = serde_json::to_string(team.bad_stretches(robot)).unwrap_or_default();
     writer.write(move |recorder| {
+        recorder.set(&bad_data_key(robot), &bad);
         recorder.set(&statistics_key(robot), &counted);
         recorder.commit("log mapped", now_unix_ns())
     });

@@ -1,5 +1,6 @@
 use super::{MappedRobot, MappingTimes};
 use crate::islands::IslandList;
+use crate::tracks::{Track, tracks};
 use geometry::Pose2;
 use sensing::RobotId;
 use slam::Team;
@@ -10,10 +11,13 @@ pub struct MappedTeam {
     pub robots: Vec<MappedRobot>,
     /// The map.
     pub team: Team,
-    /// Base pose of every scan of every robot in the frame of the island it is on.
+    /// Base pose of every scan of every robot in the frame of the island it is on; those that are
+    /// left out stand where the robot believed to be.
     pub poses: Vec<Vec<Pose2>>,
     /// The connected maps.
     pub islands: IslandList,
+    /// Which scans of which robot are on which of them.
+    pub tracks: Vec<Track>,
     /// Where the time went, all robots and the team together.
     pub times: MappingTimes,
     /// Logs that could not be mapped, with reasons.
@@ -30,7 +34,9 @@ impl MappedTeam {
     ) -> Self {
         let poses = (0..robots.len()).map(|k| team.trajectory(RobotId(k as u16))).collect();
         let islands = IslandList::of(team.manifold());
-        MappedTeam { robots, team, poses, islands, times, failures }
+        let names: Vec<&str> = robots.iter().map(|robot| robot.name.as_str()).collect();
+        let tracks = tracks(&team, &islands, &names);
+        MappedTeam { robots, team, poses, islands, tracks, times, failures }
     }
 
     /// The team's robots with what was mapped of them.
@@ -40,12 +46,16 @@ impl MappedTeam {
 
     /// Each robot's path on an island; empty for robots that are not on it.
     pub fn paths_on(&self, island: usize) -> Vec<Vec<Pose2>> {
-        let path = |(id, _): (RobotId, _)| {
-            let scans = self.team.scan_poses(id).zip(&self.poses[usize::from(id.0)]);
-            let here = scans.filter(|(scan, _)| self.islands.index(scan.patch) == Some(island));
-            here.map(|(_, pose)| *pose).collect()
-        };
-        self.robots().map(path).collect()
+        let mut paths = vec![Vec::new(); self.robots.len()];
+        for track in self.tracks.iter().filter(|track| track.island == island) {
+            paths[track.robot] = self.poses_of(track).collect();
+        }
+        paths
+    }
+
+    /// Base poses of a track's scans, in the frame of its island.
+    pub fn poses_of<'a>(&'a self, track: &'a Track) -> impl Iterator<Item = Pose2> + 'a {
+        track.scans.iter().map(|&scan| self.poses[track.robot][scan])
     }
 
     /// Some of the input could not be used.

@@ -1,13 +1,13 @@
 //! From a manifold file back to a team that can go on.
 
-use super::keeping::{CONFIG, MERGES, statistics_key};
+use super::keeping::{CONFIG, MERGES, bad_data_key, statistics_key};
 use super::{LogFacts, MappedRobot, MappingTimes};
 use crate::config::Config;
 use anyhow::Result;
 use geometry::Pose2;
 use manifold::PatchId;
 use sensing::{Observation, RobotId};
-use slam::{SlamConfig, StageObserver, Statistics, StoredScan, StoredTeam, Team};
+use slam::{BadStretch, SlamConfig, StageObserver, Statistics, StoredScan, StoredTeam, Team};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use store::Site;
@@ -24,10 +24,16 @@ pub fn resume(
         manifold: site.manifold.clone(),
         scans: robots().map(|robot| stored_scans(site, robot)).collect(),
         statistics: robots().map(statistics).collect::<Vec<Statistics>>(),
+        bad_stretches: robots().map(|robot| bad_stretches(site, robot)).collect(),
         merges: json(site, MERGES).unwrap_or_default(),
     };
     let team = Team::resume(config, observer, stored);
     (team, robots().map(|robot| mapped_robot(site, robot)).collect())
+}
+
+/// What is left out of a robot's log.
+pub fn bad_stretches(site: &Site, robot: RobotId) -> Vec<BadStretch> {
+    json(site, &bad_data_key(robot)).unwrap_or_default()
 }
 
 /// A robot whose log was not mapped to its end.

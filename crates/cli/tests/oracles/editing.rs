@@ -118,8 +118,10 @@ fn a_robot_left_out_is_not_drawn_and_comes_back() {
     assert!(read(out.join("map.pgm")).unwrap() != whole);
     let out_now = stored(&out).manifold.patches().iter().filter(|p| p.left_out).count();
     assert!(out_now > 0);
+    assert!(!out.join("walk-2.tum").exists() && out.join("walk-1.tum").exists());
     assert_eq!(run(args!["edit", &site, "--take-in", "walk-2", "--quiet"]).code, 0);
     assert!(read(out.join("map.pgm")).unwrap() == whole);
+    assert!(out.join("walk-2.tum").exists());
 }
 
 #[test]

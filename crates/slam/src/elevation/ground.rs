@@ -3,6 +3,7 @@ use crate::map::Map;
 use geometry::{Pose2, Vector2};
 use manifold::{Islands, Manifold, Patch, PatchId};
 use matching::LinePoint;
+use rayon::prelude::*;
 use sensing::Scan;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -94,14 +95,23 @@ impl<'a> KnownGround<'a> {
     }
 }
 
-/// Forgets what beams hit of the ground; now that a ramp has been driven, it is known better.
+/// Leaves what beams hit of the ground out of the surfaces: now that a ramp has been driven, it is
+/// known better. What was left out before and is no ground as the map is now is taken in again.
 pub(crate) fn forget_ground(map: &mut Map, settings: &ElevationSettings) {
+    for (patch, whole) in std::mem::take(&mut map.with_ground) {
+        map.surfaces[patch.index()] = whole;
+    }
     let ground = KnownGround::new(&map.manifold, settings);
-    for (index, surface) in map.surfaces.iter_mut().enumerate() {
+    let forget = |(index, surface): (usize, &mut Vec<LinePoint>)| {
         let patch = PatchId(index as u32);
         let seen = |p: &LinePoint| Vector2::new(f64::from(p.x), f64::from(p.y));
-        surface.retain(|p| !ground.is_ground(patch, seen(p)));
-    }
+        ground.stands.get(index)?.as_ref()?;
+        let walls: Vec<LinePoint> =
+            surface.iter().filter(|p| !ground.is_ground(patch, seen(p))).copied().collect();
+        let is_less = walls.len() < surface.len();
+        is_less.then(|| (patch, std::mem::replace(surface, walls)))
+    };
+    map.with_ground = map.surfaces.par_iter_mut().enumerate().filter_map(forget).collect();
 }
 
 fn stands(manifold: &Manifold) -> Vec<Option<Stand>> {

@@ -1,13 +1,13 @@
 use super::{BIAS_STD_RAD, climbed, slope_of};
-use manifold::{Islands, Manifold, Provenance, Relation};
+use manifold::{Islands, Manifold, PatchId, Provenance, Relation};
 use sensing::Attitude;
 use std::collections::BTreeSet;
 
 /// A measured difference in height between two patches: `height[to] - height[from]`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rise {
-    pub from: usize,
-    pub to: usize,
+    pub from: PatchId,
+    pub to: PatchId,
     pub rise_m: f64,
     pub variance_m2: f64,
     /// The robot whose unit's remaining bias adds `bias * distance_m`; nothing where zero.
@@ -23,7 +23,7 @@ const RELATED_STD_M: f64 = 0.05;
 /// Share by which the slope at a relation's ends misses what lies between them.
 const SLOPE_SHARE: f64 = 0.5;
 /// Where nobody knows, the ground may rise by this much a metre: the steepest ramp for wheels.
-const UNKNOWN_SLOPE: f64 = 0.15;
+pub(crate) const UNKNOWN_SLOPE: f64 = 0.15;
 
 /// All that is known of differences in height: the ways with climb, and the relations beside them.
 pub(crate) fn rises(manifold: &Manifold, islands: &Islands, biases: &[Attitude]) -> Vec<Rise> {
@@ -39,8 +39,8 @@ pub(crate) fn rises(manifold: &Manifold, islands: &Islands, biases: &[Attitude])
         let level = rise_m == 0.0;
         driven.insert((way.from, way.to));
         rises.push(Rise {
-            from: way.from.index(),
-            to: way.to.index(),
+            from: way.from,
+            to: way.to,
             rise_m,
             variance_m2,
             robot,
@@ -71,8 +71,8 @@ fn related(manifold: &Manifold, relation: &Relation, biases: &[Attitude]) -> Ris
         _ => (0.0, UNKNOWN_SLOPE * offset.norm()),
     };
     Rise {
-        from: relation.from.index(),
-        to: relation.to.index(),
+        from: relation.from,
+        to: relation.to,
         rise_m,
         variance_m2: RELATED_STD_M * RELATED_STD_M
             + doubt * doubt

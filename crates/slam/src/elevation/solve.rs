@@ -2,7 +2,7 @@ use super::BIAS_STD_RAD;
 use super::measured::Rise;
 use manifold::{Elevation, PatchId};
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 /// Rounds of weighing down what contradicts the rest.
 const ROUNDS: usize = 6;
@@ -39,15 +39,47 @@ impl Ord for Reached {
     }
 }
 
-/// Heights above `start` along the paths with the least variance (Dijkstra).
-pub(crate) fn along_best_path(start: PatchId, rises: &[Rise], heights: &mut [Option<Elevation>]) {
+/// Heights of an island's patches above the first of them: along the best paths, then by all that
+/// is known. `rises` are those between its patches; other islands have no part in it.
+pub(crate) fn heights_on(island: &[PatchId], rises: &[Rise]) -> Vec<(PatchId, Elevation)> {
+    let number: BTreeMap<PatchId, usize> =
+        island.iter().enumerate().map(|(i, &p)| (p, i)).collect();
+    let robots: BTreeSet<usize> = rises.iter().map(|rise| rise.robot).collect();
+    let robots: BTreeMap<usize, usize> =
+        robots.into_iter().enumerate().map(|(i, r)| (r, i)).collect();
+    let steps: Vec<Step> = rises
+        .iter()
+        .map(|rise| Step {
+            from: number[&rise.from],
+            to: number[&rise.to],
+            robot: robots[&rise.robot],
+            rise: *rise,
+        })
+        .collect();
+    let mut heights = vec![None; island.len()];
+    along_best_path(&steps, &mut heights);
+    least_squares(&steps, robots.len(), &mut heights);
+    island.iter().zip(heights).filter_map(|(&patch, height)| Some((patch, height?))).collect()
+}
+
+/// A rise by the numbers of its patches and its robot on the island.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    from: usize,
+    to: usize,
+    robot: usize,
+    rise: Rise,
+}
+
+/// Heights above the first patch along the paths with the least variance (Dijkstra).
+fn along_best_path(steps: &[Step], heights: &mut [Option<Elevation>]) {
     let mut adjacent: Vec<Vec<(usize, f64)>> = vec![Vec::new(); heights.len()];
-    for (index, rise) in rises.iter().enumerate() {
-        adjacent[rise.from].push((index, 1.0));
-        adjacent[rise.to].push((index, -1.0));
+    for (index, step) in steps.iter().enumerate() {
+        adjacent[step.from].push((index, 1.0));
+        adjacent[step.to].push((index, -1.0));
     }
-    let patch = start.index();
-    let first = Reached { variance_m2: 0.0, noise_m2: 0.0, distance_m: 0.0, height_m: 0.0, patch };
+    let first =
+        Reached { variance_m2: 0.0, noise_m2: 0.0, distance_m: 0.0, height_m: 0.0, patch: 0 };
     let mut queue = BinaryHeap::from([first]);
     while let Some(here) = queue.pop() {
         if heights[here.patch].is_some() {
@@ -56,8 +88,8 @@ pub(crate) fn along_best_path(start: PatchId, rises: &[Rise], heights: &mut [Opt
         let (height_m, variance_m2) = (here.height_m, here.variance_m2);
         heights[here.patch] = Some(Elevation { height_m, variance_m2 });
         for &(index, sign) in &adjacent[here.patch] {
-            let rise = &rises[index];
-            let patch = if sign > 0.0 { rise.to } else { rise.from };
+            let Step { from, to, rise, .. } = &steps[index];
+            let patch = if sign > 0.0 { *to } else { *from };
             if heights[patch].is_none() {
                 let noise_m2 = here.noise_m2 + rise.variance_m2;
                 let distance_m = here.distance_m + sign * rise.distance_m;
@@ -75,20 +107,20 @@ pub(crate) fn along_best_path(start: PatchId, rises: &[Rise], heights: &mut [Opt
 
 /// Improves heights by all that is known: least squares over the heights and what is left of every
 /// unit's bias, doubtful rises weighed by how well they fit. Heights that are unknown stay so.
-pub(crate) fn least_squares(rises: &[Rise], robots: usize, heights: &mut [Option<Elevation>]) {
-    let known = |r: &&Rise| heights[r.from].is_some() && heights[r.to].is_some();
-    let rises: Vec<Rise> = rises.iter().filter(known).copied().collect();
+fn least_squares(steps: &[Step], robots: usize, heights: &mut [Option<Elevation>]) {
+    let known = |s: &&Step| heights[s.from].is_some() && heights[s.to].is_some();
+    let steps: Vec<Step> = steps.iter().filter(known).copied().collect();
     let mut values: Vec<f64> = heights.iter().map(|h| h.map_or(0.0, |h| h.height_m)).collect();
     values.resize(heights.len() + robots, 0.0);
-    // Along best paths every island's first patch is exactly known.
+    // Along best paths the first patch is exactly known.
     let anchored = |h: &Option<Elevation>| h.is_none_or(|h| h.variance_m2 == 0.0);
     let mut prior: Vec<f64> =
         heights.iter().map(|h| if anchored(h) { ANCHOR_STD_M.powi(-2) } else { 0.0 }).collect();
     prior.resize(values.len(), BIAS_STD_RAD.powi(-2));
     let bias_of = heights.len();
     for _ in 0..ROUNDS {
-        let system = System { rises: &rises, prior: &prior, bias_of, weights: Vec::new() };
-        let weights = rises.iter().map(|rise| system.weight(rise, &values)).collect();
+        let system = System { steps: &steps, prior: &prior, bias_of, weights: Vec::new() };
+        let weights = steps.iter().map(|step| system.weight(step, &values)).collect();
         System { weights, ..system }.improve(&mut values);
     }
     for (height, value) in heights.iter_mut().zip(&values) {
@@ -100,7 +132,7 @@ pub(crate) fn least_squares(rises: &[Rise], robots: usize, heights: &mut [Option
 
 /// `min sum w (h[to] - h[from] - bias distance - rise)^2 + sum prior value^2`.
 struct System<'a> {
-    rises: &'a [Rise],
+    steps: &'a [Step],
     weights: Vec<f64>,
     prior: &'a [f64],
     /// Where the biases begin among the values.
@@ -109,41 +141,43 @@ struct System<'a> {
 
 impl System<'_> {
     /// What a rise leaves over, without its measurement.
-    fn difference(&self, rise: &Rise, values: &[f64]) -> f64 {
-        values[rise.to] - values[rise.from] - values[self.bias_of + rise.robot] * rise.distance_m
+    fn difference(&self, step: &Step, values: &[f64]) -> f64 {
+        let bias = values[self.bias_of + step.robot];
+        values[step.to] - values[step.from] - bias * step.rise.distance_m
     }
 
-    fn weight(&self, rise: &Rise, values: &[f64]) -> f64 {
+    fn weight(&self, step: &Step, values: &[f64]) -> f64 {
+        let rise = &step.rise;
         if !rise.doubtful {
             return rise.variance_m2.recip();
         }
-        let residual = self.difference(rise, values) - rise.rise_m;
+        let residual = self.difference(step, values) - rise.rise_m;
         let share = residual * residual / (rise.variance_m2 * KERNEL_SIGMAS * KERNEL_SIGMAS);
         rise.variance_m2.recip() / (1.0 + share).powi(2)
     }
 
     /// Adds `factor` times the derivative of a rise's difference.
-    fn scatter(&self, rise: &Rise, factor: f64, to: &mut [f64]) {
-        to[rise.to] += factor;
-        to[rise.from] -= factor;
-        to[self.bias_of + rise.robot] -= factor * rise.distance_m;
+    fn scatter(&self, step: &Step, factor: f64, to: &mut [f64]) {
+        to[step.to] += factor;
+        to[step.from] -= factor;
+        to[self.bias_of + step.robot] -= factor * step.rise.distance_m;
     }
 
     /// The normal equations' matrix times a vector.
     fn product(&self, values: &[f64]) -> Vec<f64> {
         let mut result: Vec<f64> = self.prior.iter().zip(values).map(|(p, v)| p * v).collect();
-        for (rise, weight) in self.rises.iter().zip(&self.weights) {
-            self.scatter(rise, weight * self.difference(rise, values), &mut result);
+        for (step, weight) in self.steps.iter().zip(&self.weights) {
+            self.scatter(step, weight * self.difference(step, values), &mut result);
         }
         result
     }
 
     fn diagonal(&self) -> Vec<f64> {
         let mut diagonal = self.prior.to_vec();
-        for (rise, weight) in self.rises.iter().zip(&self.weights) {
-            diagonal[rise.to] += weight;
-            diagonal[rise.from] += weight;
-            diagonal[self.bias_of + rise.robot] += weight * rise.distance_m * rise.distance_m;
+        for (step, weight) in self.steps.iter().zip(&self.weights) {
+            diagonal[step.to] += weight;
+            diagonal[step.from] += weight;
+            diagonal[self.bias_of + step.robot] += weight * step.rise.distance_m.powi(2);
         }
         diagonal
     }
@@ -157,8 +191,8 @@ impl System<'_> {
         let scaled = |r: &[f64]| r.iter().zip(&inverse).map(|(r, i)| r * i).collect::<Vec<f64>>();
         let mut residual = self.product(values);
         residual.iter_mut().for_each(|r| *r = -*r);
-        for (rise, weight) in self.rises.iter().zip(&self.weights) {
-            self.scatter(rise, weight * rise.rise_m, &mut residual);
+        for (step, weight) in self.steps.iter().zip(&self.weights) {
+            self.scatter(step, weight * step.rise.rise_m, &mut residual);
         }
         let mut along = scaled(&residual);
         let mut size = dot(&residual, &along);

@@ -3,6 +3,7 @@
 //! another.
 
 mod by_landmark;
+mod by_user;
 mod candidates;
 mod consistency;
 mod directions;
@@ -136,13 +137,15 @@ impl LoopCloser {
         }
     }
 
-    /// Closures between the robots of each island of a map that stays as it is.
+    /// Closures between the robots of each island of a map that stays as it is, but for those that
+    /// the user has taken back.
     pub fn between_robots(map: &Map, config: &SlamConfig) -> (Vec<Closure>, ClosingStatistics) {
         let others = OtherRobots::new(map, config.closing);
         let queries = others.queries(map);
         let candidates = Candidates::of_others(config.closing, config.submap, others);
         let mut closer = LoopCloser { candidates, ..Self::new(config) };
-        let closures = closer.search_all(&queries, map);
+        let mut closures = closer.search_all(&queries, map);
+        closures.retain(|closure| !by_user::taken_back(map, closure));
         closer.finish();
         (closures, closer.statistics)
     }

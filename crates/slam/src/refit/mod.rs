@@ -14,7 +14,7 @@ use crate::map::Map;
 use breadth_first::refit_breadth_first;
 use geometry::{LieGroup, Matrix3, Pose2};
 use graphs::IslandGraphs;
-use manifold::{Islands, PatchId, Relation, RelationId, Retraction};
+use manifold::{Islands, PatchId, Provenance, Relation, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
 use optimizer::{Edge, EdgeKind, Kernel, Settings};
 use overlaps::{Overlap, measure_overlaps};
@@ -100,21 +100,52 @@ pub(crate) fn optimise_islands(
     which: &BTreeSet<usize>,
     config: &SlamConfig,
 ) -> Vec<RelationId> {
+    let contradicted = find_contradicted(map, islands, which, config);
+    for &id in &contradicted {
+        map.manifold.retract(id, Retraction::Contradicted);
+    }
+    contradicted
+}
+
+/// [`optimise_relations`] where what was believed so far may be wrong, a merge on few places for
+/// example: poses that rest on it would speak against everything else. Where something contradicts,
+/// graduated non-convexity first finds what most closures agree about.
+pub(crate) fn reconsider_relations(map: &mut Map, config: &SlamConfig) -> Vec<RelationId> {
+    let islands = map.manifold.component_map();
+    let all = (0..islands.members.len()).collect();
+    let contradicted = find_contradicted(map, &islands, &all, config);
+    let doubted: BTreeSet<usize> =
+        contradicted.iter().map(|id| islands.of(map.manifold.relation(*id).from)).collect();
+    if doubted.is_empty() {
+        return contradicted;
+    }
+    for &island in &doubted {
+        let closures = map
+            .manifold
+            .active_relations()
+            .filter(|r| r.provenance != Provenance::Sequential && islands.of(r.from) == island);
+        let closures: Vec<RelationId> = closures.map(|r| r.id).collect();
+        graphs::doubt(map, &islands.members[island], &closures);
+    }
+    optimise_islands(map, &islands, &doubted, config)
+}
+
+/// Re-estimates the patch poses of some islands from their relations; the closures that contradict
+/// the rest.
+fn find_contradicted(
+    map: &mut Map,
+    islands: &Islands,
+    which: &BTreeSet<usize>,
+    config: &SlamConfig,
+) -> Vec<RelationId> {
     let mut graphs = IslandGraphs::of(map, islands, |island| which.contains(&island));
     let closures = graphs.add_relations(map, |_| 1.0);
     let reports = graphs.solve(map, &config.refit.quickly());
     let weight = |(island, edge): (usize, usize)| {
         reports[island].as_ref().map_or(1.0, |report| report.weights[edge])
     };
-    let contradicted: Vec<RelationId> = closures
-        .into_iter()
-        .filter(|(place, _)| weight(*place) < CONTRADICTED_WEIGHT)
-        .map(|(_, id)| id)
-        .collect();
-    for &id in &contradicted {
-        map.manifold.retract(id, Retraction::Contradicted);
-    }
-    contradicted
+    let doubtful = closures.into_iter().filter(|(place, _)| weight(*place) < CONTRADICTED_WEIGHT);
+    doubtful.map(|(_, id)| id).collect()
 }
 
 /// Cauchy weight of a closure seven standard deviations off, at a scale of three.

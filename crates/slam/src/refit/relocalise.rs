@@ -29,7 +29,7 @@ pub(crate) fn relocalise(map: &Map, tracks: &mut [&mut [ScanRecord]], config: &S
     }
     let mut members: Vec<Vec<(usize, usize)>> = vec![Vec::new(); groups.len()];
     for (track, scans) in tracks.iter().enumerate() {
-        for (scan, record) in scans.iter().enumerate() {
+        for (scan, record) in scans.iter().enumerate().filter(|(_, record)| !record.left_out) {
             if let Some(of) = members.get_mut(group_of[record.pose.patch.index()]) {
                 of.push((track, scan));
             }
@@ -144,8 +144,9 @@ fn before(
     scans
         .iter()
         .map(|scan| {
-            // Poses of different islands say nothing of each other.
-            let now = scan.odom_from_base.map(|odom| (islands.of(scan.pose.patch), odom));
+            // Poses of different islands say nothing of each other, nor does odometry on a mishap.
+            let reading = scan.odom_from_base.filter(|_| !scan.left_out);
+            let now = reading.map(|odom| (islands.of(scan.pose.patch), odom));
             let motion = match (last, now) {
                 (Some((island, last)), Some((own, now))) if island == own => {
                     Some(config.odometry.gaussian(Pose2::between(&last, &now)))

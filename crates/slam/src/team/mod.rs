@@ -2,16 +2,17 @@ mod resuming;
 
 pub use resuming::{StoredScan, StoredTeam};
 
+use crate::elevation::forget_ground;
 use crate::loop_closing::{LoopCloser, relate};
 use crate::map::Map;
 use crate::merging::{IslandLandmark, Merge, MergeState, Merger, places_of};
-use crate::refit::{optimise_relations, refit, relocalise, settle};
+use crate::refit::{optimise_relations, reconsider_relations, refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
-use crate::{Event, Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
+use crate::{BadStretch, Event, Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
 use manifold::{Change, Manifold, PatchId, Relation, RelationId, RelationState, Retraction, Way};
 use sensing::{Observation, RobotId};
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 
 /// The map of a team: every robot's own map, islands until evidence joins them.
 ///
@@ -34,6 +35,8 @@ const MOST_SEARCHES: usize = 4;
 struct Track {
     scans: Vec<ScanRecord>,
     statistics: Statistics,
+    /// What is left out of the map.
+    bad: Vec<BadStretch>,
     /// Names in the team's map of what the robot calls by its own.
     patches: Vec<PatchId>,
     relations: Vec<RelationId>,
@@ -99,10 +102,13 @@ impl Team {
     pub fn join(&mut self, robot: RobotId, mut mapper: Mapper) {
         let changes = mapper.take_changes();
         self.receive(robot, &changes);
-        let statistics = mapper.statistics();
+        let (statistics, bad) = (mapper.statistics(), mapper.bad_stretches());
         let track = &mut self.tracks[usize::from(robot.0)];
         for (patch, surface) in track.patches.iter().zip(mapper.map.surfaces) {
             self.map.set_surface(*patch, surface);
+        }
+        for (own, surface) in mapper.map.with_ground {
+            self.map.with_ground.insert(track.patches[own.index()], surface);
         }
         for (patch, slope) in track.patches.iter().zip(mapper.map.slopes) {
             self.map.set_slope(*patch, slope);
@@ -112,7 +118,7 @@ impl Team {
             scan.found.patch = track.patches[scan.found.patch.index()];
             scan.pose = scan.found;
         }
-        track.statistics = statistics;
+        (track.statistics, track.bad) = (statistics, bad);
     }
 
     /// Makes a proposed or retracted relation part of the map, by the user's word, and with it all
@@ -123,12 +129,21 @@ impl Team {
         all.into_iter().for_each(|id| self.map.manifold.confirm(id));
     }
 
-    /// Leaves a robot's patches out of the map, or takes them in again; the map follows with
-    /// [`Team::rebuild`].
+    /// Leaves a robot's patches out of the map, or takes them in again but for those of bad data;
+    /// the map follows with [`Team::rebuild`].
     pub fn leave_out(&mut self, robot: RobotId, left_out: bool) {
-        let own = self.map.manifold.patches().iter();
-        let own = own.filter(|p| p.robot == robot && p.left_out != left_out).map(|p| p.id);
-        let own = own.collect();
+        let scans = &self.tracks[usize::from(robot.0)].scans;
+        let on = |is_bad: bool| -> BTreeSet<PatchId> {
+            let scans = scans.iter().filter(|scan| scan.left_out == is_bad);
+            scans.map(|scan| scan.found.patch).collect()
+        };
+        let (bad, good) = (on(true), on(false));
+        let is_bad = |patch: PatchId| bad.contains(&patch) && !good.contains(&patch);
+        let own =
+            self.map.manifold.patches().iter().filter(|p| {
+                p.robot == robot && p.left_out != left_out && (left_out || !is_bad(p.id))
+            });
+        let own = own.map(|p| p.id).collect();
         self.map.manifold.leave_out(own, left_out);
     }
 
@@ -166,6 +181,7 @@ impl Team {
         manifold.ways().iter().for_each(|way| team.map.manifold.note_way(*way));
         manifold.sightings().iter().for_each(|s| team.map.manifold.note_sighting(s.clone()));
         team.map.surfaces.clone_from(&self.map.surfaces);
+        team.map.with_ground.clone_from(&self.map.with_ground);
         team.map.slopes.clone_from(&self.map.slopes);
         team.tracks.clone_from(&self.tracks);
         team
@@ -186,11 +202,12 @@ impl Team {
         });
     }
 
-    /// The global pass: joins islands, closes loops between the robots of each, refits each and
-    /// places every scan in it.
+    /// The global pass: joins islands, closes loops between the robots of each, takes back what
+    /// contradicts the rest, refits each and places every scan in it.
     pub fn finish(&mut self) {
         self.merge();
         self.close_loops();
+        self.reconsider();
         self.rebuild();
     }
 
@@ -214,6 +231,15 @@ impl Team {
         }
     }
 
+    /// Takes back closures and merges, however early they were made, that by now contradict the
+    /// rest.
+    fn reconsider(&mut self) {
+        let config = self.config;
+        let contradicted =
+            self.timed(Stage::Optimisation, |t| reconsider_relations(&mut t.map, &config));
+        self.statistics.closures.retracted += contradicted.len();
+    }
+
     /// Makes the map anew from the relations that hold, the ways driven and the scans: places every
     /// patch, refits each island, and places every scan. The result does not depend on what was
     /// part of the map before.
@@ -221,6 +247,7 @@ impl Team {
         self.review_merges();
         let config = self.config;
         self.timed(Stage::Optimisation, |t| settle(&mut t.map, &config));
+        forget_ground(&mut self.map, &config.elevation);
         let measured = self.timed(Stage::Refit, |t| refit(&mut t.map, &config));
         self.statistics.overlaps += measured;
         self.timed(Stage::Relocalisation, |t| {
@@ -228,6 +255,8 @@ impl Team {
                 t.tracks.iter_mut().map(|track| &mut track.scans[..]).collect();
             relocalise(&t.map, &mut tracks, &config);
         });
+        // As the map is now: what it derives must follow from what is kept of it.
+        forget_ground(&mut self.map, &config.elevation);
     }
 
     /// The map.
@@ -248,6 +277,11 @@ impl Team {
     /// Base pose of each of a robot's scans in the frame of the island it is on.
     pub fn trajectory(&self, robot: RobotId) -> Vec<Pose2> {
         self.scan_poses(robot).map(|pose| pose.in_map(&self.map.manifold)).collect()
+    }
+
+    /// Stretches of a robot's log that are left out of the map, in the order of its observations.
+    pub fn bad_stretches(&self, robot: RobotId) -> &[BadStretch] {
+        &self.tracks[usize::from(robot.0)].bad
     }
 
     /// Islands that were merged, and merges that may be but are not sure enough.
@@ -350,3 +384,6 @@ impl Team {
         result
     }
 }
+
+#[cfg(test)]
+mod taking_back;

@@ -1,6 +1,7 @@
 //! Oracles for the pipeline: maps of known buildings against the truth, runs against runs.
 
 mod accuracy;
+mod bad_data;
 mod bad_input;
 mod corridors;
 mod determinism;

@@ -57,24 +57,29 @@ fn robots_of_one_building_become_one_map() {
     assert!(error < 0.05, "both robots in one frame: {error} m");
 }
 
-/// Robots whose maps hang together at one end only find each other at the rest, and nowhere else.
-#[test]
-fn loops_between_robots_are_closed() {
+/// [`cut`]'s robots joined at one end only.
+fn joined_at_one_end() -> Team {
     let merged = cut();
     let crosses = |r: &Relation| owner(merged, r.from) != owner(merged, r.to);
-    let links: Vec<Relation> =
-        merged.manifold().active_relations().filter(|r| crosses(r)).copied().collect();
-    let end = links.iter().map(|r| r.from.max(r.to)).min().expect("the robots are joined");
+    let links = merged.manifold().active_relations().filter(|r| crosses(r));
+    let end = links.map(|r| r.from.max(r.to)).min().expect("the robots are joined");
     let mut team = merged
         .with_relations(|r| r.is_active() && (!crosses(r) || r.from.max(r.to).0 < end.0 + 12));
     team.rebuild();
+    team
+}
+
+/// Robots whose maps hang together at one end only find each other at the rest, and nowhere else.
+#[test]
+fn loops_between_robots_are_closed() {
+    let mut team = joined_at_one_end();
     let before = team.manifold().relations().len();
     team.close_loops();
     let found = &team.manifold().relations()[before..];
     assert!(found.len() >= 5, "{found:?}");
     let truth = true_patch_poses(&team);
     for closure in found.iter().filter(|r| r.is_active()) {
-        assert!(crosses(closure), "{closure:?}");
+        assert!(owner(&team, closure.from) != owner(&team, closure.to), "{closure:?}");
         let apart = truth[closure.from.index()].between(&truth[closure.to.index()]);
         let error = apart.between(&closure.from_from_to.mean);
         assert!(error.norm() < 0.15 && error.yaw.abs() < 0.03, "{error:?} {closure:?}");
@@ -159,6 +164,40 @@ fn what_is_taken_back_leaves_no_trace() {
     for robot in [RobotId(0), RobotId(1)] {
         assert_eq!(team.trajectory(robot), without.trajectory(robot));
     }
+}
+
+/// Loops between robots that hold, as the patches they relate.
+fn loops_between(team: &Team) -> Vec<(PatchId, PatchId)> {
+    let relations = team.manifold().active_relations();
+    let loops = relations.filter(|r| r.provenance == Provenance::LoopClosure);
+    loops.map(|r| (r.from, r.to)).filter(|&(a, b)| owner(team, a) != owner(team, b)).collect()
+}
+
+/// Forgotten, a loop is found again; taken back by the user it is not.
+#[test]
+fn a_loop_that_is_taken_back_is_not_found_again() {
+    let mut team = joined_at_one_end();
+    team.close_loops();
+    let loops = loops_between(&team);
+    assert!(!loops.is_empty());
+    let is_loop = |ends| loops.contains(&ends);
+    let mut forgotten = team.with_relations(|r| r.is_active() && !is_loop((r.from, r.to)));
+    let active: Vec<_> = team.manifold().active_relations().cloned().collect();
+    active.iter().filter(|r| is_loop((r.from, r.to))).for_each(|r| team.retract(r.id));
+    for team in [&mut team, &mut forgotten] {
+        team.rebuild();
+        team.close_loops();
+    }
+    let near = |team: &Team, (a, b): (PatchId, PatchId), (c, d): (PatchId, PatchId)| {
+        let pose = |patch: PatchId| team.manifold().patch(patch).island_from_patch;
+        pose(a).distance(&pose(c)) < 1.0 && pose(b).distance(&pose(d)) < 1.0
+    };
+    let found_again = |team: &Team| {
+        let again = loops_between(team).into_iter();
+        again.filter(|&found| loops.iter().any(|&old| near(team, old, found))).count()
+    };
+    assert!(found_again(&forgotten) > 0);
+    assert_eq!(found_again(&team), 0);
 }
 
 #[test]
