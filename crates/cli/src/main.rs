@@ -13,6 +13,7 @@ mod crossing;
 mod drawing;
 mod islands;
 mod landmarks;
+mod level_maps;
 mod mapping;
 mod metrics;
 mod reading;

@@ -1,5 +1,6 @@
 use crate::bad_data::BadData;
 use crate::islands::title;
+use crate::level_maps::LevelMetrics;
 use crate::mapping::{LogFacts, MappedRobot, MappedTeam, path_length};
 use crate::terminal::{counted, grouped};
 use manifold::Provenance;
@@ -78,6 +79,9 @@ pub struct IslandMetrics {
     pub robots: Vec<String>,
     /// Length of all paths on it, metres.
     pub path_m: f64,
+    /// Its levels, the lowest first, where some robot told its attitude.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub levels: Vec<LevelMetrics>,
     /// Side of a cell of the drawn map, metres.
     pub resolution_m: f64,
     /// Cells of the drawn map, along x and y.
@@ -266,6 +270,7 @@ impl IslandMetrics {
                 patches: island.patches.len(),
                 robots: island.robots.clone(),
                 path_m: mapped.paths_on(k).iter().map(|path| path_length(path)).sum(),
+                levels: LevelMetrics::of(mapped.team.manifold(), &island.patches),
                 resolution_m: frame.resolution_m,
                 cells: [frame.width, frame.height],
             })

@@ -21,6 +21,14 @@ pub fn report(
         if drawn.len() > 1 {
             report.heading(&format!("Island {}: {}", k + 1, island.title));
         }
+        for level in &island.levels {
+            let trajectories = level.trajectories(mapped);
+            let annotations = level.annotations(&trajectories);
+            report.map(&level.grid, &Annotations { patches: &level.patches, ..annotations })?;
+        }
+        if !island.levels.is_empty() {
+            continue;
+        }
         let annotations = Annotations {
             title: Some(&island.title),
             trajectories: &island.trajectories(mapped),

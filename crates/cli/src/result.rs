@@ -2,6 +2,7 @@ use crate::config::Config;
 use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
 use crate::islands::{map_file, title};
 use crate::landmarks::{MappedLandmark, landmark_marks, landmarks_csv, landmarks_of};
+use crate::level_maps::{LevelMap, write_levels};
 use crate::mapping::{MappedTeam, pose_graph};
 use crate::metrics::{Afterwards, Metrics};
 use crate::report::report;
@@ -29,6 +30,8 @@ pub struct Drawn {
     pub patches: Vec<Pose2>,
     /// What joins them.
     pub marks: Vec<ClosureMark>,
+    /// Its levels, the lowest first, where there are several.
+    pub levels: Vec<LevelMap>,
 }
 
 impl Drawn {
@@ -42,11 +45,13 @@ impl Drawn {
         let members = &mapped.islands.islands[island];
         let views = patch_views(manifold, &members.patches);
         let pose = |id: &manifold::PatchId| manifold.patch(*id).island_from_patch;
+        let grid = occupancy_that_fits(&views, config.map)?;
         let mut marks = closure_marks(manifold, &mapped.islands, island);
         marks.extend(landmark_marks(landmarks, island));
         Ok(Drawn {
             title: title(&members.robots),
-            grid: occupancy_that_fits(&views, config.map)?,
+            levels: LevelMap::of_island(mapped, island, grid.frame(), config)?,
+            grid,
             paths: mapped.paths_on(island),
             patches: members.patches.iter().map(pose).collect(),
             marks,
@@ -74,7 +79,10 @@ pub fn write_result(
     let mut drawn = Vec::new();
     for island in 0..mapped.islands.islands.len() {
         drawn.push(Drawn::new(mapped, &landmarks, island, config)?);
-        write_map(&folder, mapped, &drawn[island], island)?;
+        match drawn[island].levels.is_empty() {
+            true => write_map(&folder, mapped, &drawn[island], island)?,
+            false => write_levels(&folder, mapped, &drawn[island], island)?,
+        }
     }
     for track in &mapped.tracks {
         let stamps = &mapped.robots[track.robot].stamps;

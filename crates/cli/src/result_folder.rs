@@ -180,12 +180,17 @@ fn trajectories_of(folder: &Path) -> BTreeSet<String> {
     all.filter_map(|track| track["file"].as_str().map(str::to_owned)).collect()
 }
 
-/// `map-2.png` and the like.
+/// `map.pgm`, `map-2.png`, `map-level-0.png`, `map-2-level-0.png` and the like.
 fn is_island_map(name: &str) -> bool {
-    let number = name.strip_prefix("map-").and_then(|rest| rest.split_once('.'));
-    number.is_some_and(|(number, ending)| {
-        number.parse::<usize>().is_ok() && ["png", "pgm", "yaml"].contains(&ending)
-    })
+    let Some((stem, ending)) = name.split_once('.') else { return false };
+    let mut parts = stem.split('-').peekable();
+    let is_number = |part: &&str| part.parse::<usize>().is_ok();
+    let is_map = parts.next() == Some("map");
+    parts.next_if(is_number);
+    if parts.next_if_eq(&"level").is_some() && parts.next_if(is_number).is_none() {
+        return false;
+    }
+    is_map && parts.next().is_none() && ["png", "pgm", "yaml"].contains(&ending)
 }
 
 /// True where there is nothing yet.

@@ -17,6 +17,8 @@ mod cut;
 mod editing;
 #[path = "oracles/landmarks.rs"]
 mod landmarks;
+#[path = "oracles/levels.rs"]
+mod levels;
 #[path = "oracles/scores.rs"]
 mod scores;
 #[path = "oracles/sites.rs"]

@@ -1,3 +1,4 @@
+use crate::attitude_line::AttitudeLine;
 use crate::carmen_line::{self, BACKWARDS, FORWARDS, LaserLine, LaserName, Message};
 use crate::landmark_line::SightingLine;
 use crate::lines::{LineEnd, LineReader};
@@ -47,7 +48,8 @@ impl Default for ReadOptions {
 
 /// Reads the scans of a CARMEN log in the log's order: `FLASER`, `RLASER` and `ROBOTLASER0` to
 /// `ROBOTLASER9` lines, with the mountings from the lines themselves or from `PARAM`, and the
-/// landmarks of our own `LANDMARK` lines (docs/logs.md), each with the scan that follows.
+/// landmarks of our own `LANDMARK` lines (docs/landmarks.md), each with the scan that
+/// follows; and how the robot leaned from `ATTITUDE` lines (docs/levels.md).
 ///
 /// The reader is an iterator that takes any text and never fails: what cannot be used is left out
 /// and told by [`CarmenReader::finish`]. Memory is bounded whatever the input. Odometry is the
@@ -74,6 +76,7 @@ pub struct CarmenReader<R> {
     at_end: bool,
     has_odometry: bool,
     odom_twist: Option<Twist>,
+    attitude: Option<AttitudeLine>,
     last: Option<Last>,
     /// Landmarks seen since the last scan, with their lines.
     waiting: Vec<(u64, SightingLine)>,
@@ -104,6 +107,7 @@ impl<R: BufRead> CarmenReader<R> {
             at_end: false,
             has_odometry: false,
             odom_twist: None,
+            attitude: None,
             last: None,
             waiting: Vec::new(),
             report: ReadReport::default(),
@@ -160,6 +164,7 @@ impl<R: BufRead> CarmenReader<R> {
         match carmen_line::parse(self.lines.line(), complete) {
             Ok(Message::Nothing) => {}
             Ok(Message::Odometry(twist)) => self.odom_twist = Some(twist),
+            Ok(Message::Attitude(reading)) => self.attitude = Some(reading),
             Ok(Message::Landmark(seen)) if self.waiting.len() < MOST_WAITING => {
                 self.waiting.push((number, *seen));
             }
@@ -196,6 +201,7 @@ impl<R: BufRead> CarmenReader<R> {
         let readings_m = line.readings_m.clone();
         self.last = Some(Last { name: line.name, stamp: line.stamp, readings_m });
         line.twist = line.twist.or(self.odom_twist);
+        line.attitude = self.attitude.and_then(|reading| reading.at(line.stamp));
         self.has_odometry |= line.odom_from_base != Pose2::IDENTITY;
         let laser = self.lasers.entry(line.name).or_default();
         if self.options.limits.detect_no_return {
@@ -278,7 +284,7 @@ impl<R: BufRead> CarmenReader<R> {
             base_from_laser,
             scan,
             sweep: None,
-            attitude: None,
+            attitude: line.attitude,
             sightings: line
                 .sightings
                 .iter()

@@ -1,10 +1,11 @@
 //! One line of a CARMEN log, without any memory of the lines before it.
 
 use crate::DropReason;
+use crate::attitude_line::{AttitudeLine, attitude};
 use crate::landmark_line::{SightingLine, landmark};
 use crate::number::{is_blank, leading_f32, parse_f32, parse_f64, parse_stamp, parse_u64};
 use geometry::Pose2;
-use sensing::{LaserModel, Stamp, Twist};
+use sensing::{Attitude, LaserModel, Stamp, Twist};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::RangeInclusive;
 
@@ -39,6 +40,8 @@ pub(crate) struct LaserLine {
     /// Field of the line, from 0, at which the laser's pose begins; the base's follows it.
     pub pose_field: usize,
     pub twist: Option<Twist>,
+    /// How the base leaned, where it was told.
+    pub attitude: Option<Attitude>,
     /// Landmarks seen since the scan before, with their lines.
     pub sightings: Vec<(u64, SightingLine)>,
 }
@@ -50,6 +53,7 @@ pub(crate) enum Message<'a> {
     Nothing,
     Laser(Box<LaserLine>),
     Odometry(Twist),
+    Attitude(AttitudeLine),
     Landmark(Box<SightingLine>),
     Param {
         name: &'a [u8],
@@ -80,6 +84,7 @@ pub(crate) fn parse(line: &[u8], complete: bool) -> Result<Message<'_>, Fault> {
         b"FLASER" => old_laser(LaserName::Front, fields, complete),
         b"RLASER" => old_laser(LaserName::Rear, fields, complete),
         b"ODOM" => odometry(fields),
+        b"ATTITUDE" => Ok(Message::Attitude(attitude(fields, complete)?)),
         b"LANDMARK" => Ok(Message::Landmark(Box::new(landmark(fields, complete)?))),
         b"PARAM" => Ok(match (fields.next(), fields.next()) {
             (Some(name), Some(value)) => Message::Param { name, value },
@@ -116,6 +121,7 @@ fn old_laser(name: LaserName, mut fields: Fields, complete: bool) -> Result<Mess
         odom_from_base,
         pose_field,
         twist: None,
+        attitude: None,
         sightings: Vec::new(),
     })))
 }
@@ -151,6 +157,7 @@ fn robot_laser(digit: u8, mut fields: Fields, complete: bool) -> Result<Message,
         odom_from_base,
         pose_field,
         twist: sane.then_some(twist),
+        attitude: None,
         sightings: Vec::new(),
     })))
 }
@@ -348,7 +355,9 @@ impl<'a> Fields<'a> {
 
 /// True when a longer name that starts like this could be a message that is not passed over.
 pub(crate) fn may_start_laser(name: &str) -> bool {
-    ["FLASER", "RLASER", "ROBOTLASER", "LANDMARK"].iter().any(|laser| laser.starts_with(name))
+    ["FLASER", "RLASER", "ROBOTLASER", "LANDMARK", "ATTITUDE"]
+        .iter()
+        .any(|laser| laser.starts_with(name))
 }
 
 /// The yaw of a laser that looks backwards.

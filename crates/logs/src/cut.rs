@@ -19,9 +19,9 @@ pub struct Piece {
 
 /// How a CARMEN log is cut into the logs of several robots.
 ///
-/// Scans go to the pieces that hold them. `ODOM`, `SYNC` and `TRUEPOS` lines go with the scan that
-/// follows them (the last ones with the last scan), `LANDMARK` lines with the pieces that get it;
-/// repetitions of a scan under another name go
+/// Scans go to the pieces that hold them. `ODOM`, `ATTITUDE`, `SYNC` and `TRUEPOS` lines go with
+/// the scan that follows them (the last ones with the last scan), `LANDMARK` lines with the pieces
+/// that get it; repetitions of a scan under another name go
 /// with that scan; `PARAM` lines and comments go to every piece that is not over, so that a piece
 /// knows its mountings. All poses are carried into the piece's frame. What else a log may hold is
 /// left out and counted: nothing here reads it, and it may tell a position in the old frame.
@@ -92,7 +92,7 @@ impl Cut<'_> {
                 Message::Odometry(_) => (self.holding(next), fields(1, 1)),
                 Message::Landmark(seen) => (self.owners(next), fields(pose_field(&seen), 1)),
                 Message::Other("TRUEPOS") => (self.holding(next), fields(1, 2)),
-                Message::Other("SYNC") => (self.holding(next), 0..0),
+                Message::Attitude(_) | Message::Other("SYNC") => (self.holding(next), 0..0),
                 Message::Other(name) => {
                     *report.left_out.entry(name.to_owned()).or_default() += 1;
                     continue;

@@ -109,6 +109,9 @@ pub enum DropReason {
     /// A pose or stamp is NaN, infinite or out of every sensible range.
     #[error("not finite or absurdly large")]
     NotFinite,
+    /// An angle is NaN or larger than half a turn.
+    #[error("not an angle in radians")]
+    NotAnAngle,
     /// The line does not start with the name of a graph element this reader knows.
     #[error("not a graph element this reader knows")]
     UnknownElement,

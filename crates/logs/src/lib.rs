@@ -12,6 +12,7 @@
 //! assert_eq!(records[0].stamp_text, "1.50");
 //! ```
 
+mod attitude_line;
 mod carmen;
 mod carmen_line;
 mod cut;

@@ -3,6 +3,8 @@
 // A test that cannot unwrap has failed.
 #![allow(clippy::unwrap_used)]
 
+#[path = "oracles/attitude.rs"]
+mod attitude;
 #[path = "oracles/carmen.rs"]
 mod carmen;
 #[path = "oracles/compressed.rs"]

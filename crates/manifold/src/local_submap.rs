@@ -40,7 +40,8 @@ pub struct SubmapMember {
 impl Manifold {
     /// All well-fitted patches around `start`, itself first: breadth-first search that goes on only
     /// from patches whose 95 % intervals are within the limits (algorithm 5.1 with the uncertainty
-    /// composed along the path, see docs/math/path-uncertainty.md).
+    /// composed along the path, see docs/math/path-uncertainty.md). Patches of other levels are
+    /// left out.
     pub fn local_submap(&self, start: PatchId, limits: &SubmapLimits) -> Vec<SubmapMember> {
         let origin = GaussianPose2::exact(geometry::Pose2::IDENTITY);
         let first = SubmapMember { patch: start, start_from_patch: origin, steps: 0 };
@@ -53,7 +54,10 @@ impl Manifold {
                     return members;
                 }
                 let start_from_patch = member.start_from_patch.compose(&step);
-                if seen.contains_key(&other) || !limits.admit(&start_from_patch) {
+                if seen.contains_key(&other)
+                    || !limits.admit(&start_from_patch)
+                    || self.apart_in_height(start, other)
+                {
                     continue;
                 }
                 seen.insert(other, ());

@@ -163,6 +163,13 @@ impl Manifold {
         &self.patches[id.index()]
     }
 
+    /// True when two patches of an island certainly lie on different levels. Unknown heights tell
+    /// nothing.
+    pub fn apart_in_height(&self, a: PatchId, b: PatchId) -> bool {
+        let heights = self.patch(a).elevation.zip(self.patch(b).elevation);
+        heights.is_some_and(|(a, b)| a.is_apart_from(&b))
+    }
+
     /// All relations on record in order of creation, those that are no part of the map included.
     pub fn relations(&self) -> &[Relation] {
         &self.relations

@@ -25,7 +25,7 @@ pub struct Patch {
     pub robot: RobotId,
     /// When it was taken.
     pub stamp: Stamp,
-    /// The scan; never changes.
+    /// The scan; never changes. That of a leaning robot is the plan's: `sensing::Levelling`.
     pub scan: Arc<Scan>,
     /// How the robot moved while it was taken, where that is known.
     pub sweep: Option<Sweep>,
@@ -49,4 +49,20 @@ pub struct Elevation {
     pub height_m: f64,
     /// Its variance, m^2.
     pub variance_m2: f64,
+}
+
+/// Places less apart in height than this may be one, metres: a robot does not fit between floors so
+/// near each other.
+const APART_M: f64 = 1.0;
+/// Heights farther apart than so many standard deviations differ.
+const APART_SIGMAS: f64 = 3.0;
+
+impl Elevation {
+    /// True when two places of an island certainly lie above each other, not beside each other.
+    /// Their errors are taken as independent; those of the way they share count twice, which errs
+    /// on the side of one place.
+    pub fn is_apart_from(&self, other: &Elevation) -> bool {
+        let std = (self.variance_m2 + other.variance_m2).max(0.0).sqrt();
+        (self.height_m - other.height_m).abs() > APART_M.max(APART_SIGMAS * std)
+    }
 }

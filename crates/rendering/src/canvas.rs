@@ -28,6 +28,23 @@ impl Canvas {
         Canvas { width, height, pixels, clip: height }
     }
 
+    /// Columns of pixels.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows of pixels.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Puts another sheet on this one with its upper left corner at a pixel; it must fit.
+    pub fn paste(&mut self, other: &Canvas, left: usize, top: usize) {
+        for (row, pixels) in other.pixels.chunks_exact(other.width.max(1)).enumerate() {
+            self.row_mut(top + row)[left..left + pixels.len()].copy_from_slice(pixels);
+        }
+    }
+
     /// Restricts drawing to the rows above `rows`.
     pub fn clip_rows(&mut self, rows: usize) {
         self.clip = rows.min(self.height);

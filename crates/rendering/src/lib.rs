@@ -7,7 +7,7 @@
 //! 2. [`HitMissCounts`] counts, for every cell, the scans that hit it and the scans that looked
 //!    through it;
 //! 3. [`OccupancyGrid`] decides what is wall by an [`OccupancyRule`];
-//! 4. [`map_png`], [`map_svg`], [`ros_map_pgm`] and [`Report`] show it.
+//! 4. [`map_png`], [`contact_sheet_png`], [`map_svg`], [`ros_map_pgm`] and [`Report`] show it.
 //!
 //! Figures rather than maps are drawn by [`plot`].
 //!
@@ -33,6 +33,7 @@
 //! ```
 
 mod canvas;
+mod contact_sheet;
 mod contour;
 mod counts;
 mod decision;
@@ -52,6 +53,7 @@ mod sweep;
 mod text;
 mod view;
 
+pub use contact_sheet::contact_sheet_png;
 pub use contour::wall_outlines;
 pub use counts::{CastSettings, HitMissCounts};
 pub use error::RenderError;

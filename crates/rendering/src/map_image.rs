@@ -54,7 +54,7 @@ impl Default for Annotations<'_> {
 /// Small maps are enlarged until their longer side has about this many pixels.
 const PAGE_PX: usize = 1400;
 /// Most pixels of an image; zoom is given up before they are exceeded.
-const MAX_PIXELS: usize = 1 << 28;
+pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// Draws a map as an indexed PNG in the style of the thesis: free space white, walls black, unknown
 /// space a light blue-grey.
@@ -62,6 +62,11 @@ const MAX_PIXELS: usize = 1 << 28;
 /// # Errors
 /// [`RenderError::Encode`] where the image has more rows or columns than PNG allows.
 pub fn map_png(grid: &OccupancyGrid, annotations: &Annotations) -> Result<Vec<u8>, RenderError> {
+    map_canvas(grid, annotations).into_png()
+}
+
+/// A map as [`map_png`] draws it.
+pub(crate) fn map_canvas(grid: &OccupancyGrid, annotations: &Annotations) -> Canvas {
     let frame = *grid.frame();
     let zoom = zoom(grid, annotations.zoom);
     let (width, height) = (frame.width * zoom, frame.height * zoom);
@@ -81,7 +86,7 @@ pub fn map_png(grid: &OccupancyGrid, annotations: &Annotations) -> Result<Vec<u8
     }
     canvas.clip_rows(usize::MAX);
     legend.draw(&mut canvas, height);
-    canvas.into_png()
+    canvas
 }
 
 fn zoom(grid: &OccupancyGrid, wanted: Option<usize>) -> usize {

@@ -14,6 +14,7 @@
 mod attitude;
 mod decimation;
 mod deskew;
+mod levelling;
 mod limits;
 mod observation;
 mod scan;
@@ -22,6 +23,7 @@ mod stamp;
 
 pub use attitude::Attitude;
 pub use deskew::{DeskewSettings, DeskewedHit, Sweep, Twist, Velocimeter};
+pub use levelling::Levelling;
 pub use limits::{LaserLimits, NoReturnDetector};
 pub use observation::{Observation, RobotId};
 pub use scan::{BeamClass, LaserModel, Scan};

@@ -106,6 +106,16 @@ impl Scan {
         Scan { laser, ranges, classes }
     }
 
+    /// The scan with some beams taken out: they say nothing, as if they were invalid.
+    pub fn without(&self, beams: impl Fn(usize) -> bool) -> Scan {
+        let mut scan = self.clone();
+        for beam in (0..self.len()).filter(|&beam| beams(beam)) {
+            scan.ranges[beam] = 0.0;
+            scan.classes[beam] = BeamClass::Invalid;
+        }
+        scan
+    }
+
     /// The scanner that took the scan.
     pub fn laser(&self) -> &LaserModel {
         &self.laser

@@ -4,6 +4,8 @@
 mod decimation;
 #[path = "oracles/deskew.rs"]
 mod deskew;
+#[path = "oracles/levelling.rs"]
+mod levelling;
 #[path = "oracles/limits.rs"]
 mod limits;
 #[path = "oracles/scan.rs"]

@@ -1,4 +1,7 @@
-use crate::{ClosingSettings, IntegritySettings, MergingSettings, OdometrySettings, RefitSettings};
+use crate::{
+    ClosingSettings, ElevationSettings, IntegritySettings, MergingSettings, OdometrySettings,
+    RefitSettings,
+};
 use geometry::{LieGroup, Pose2};
 use manifold::SubmapLimits;
 use matching::{BeamNoise, FastSettings, FieldSettings, LineFitSettings, MatcherKind};
@@ -16,6 +19,8 @@ pub struct SlamConfig {
     pub match_correlation: f64,
     /// How far odometry is trusted.
     pub odometry: OdometrySettings,
+    /// Heights, where robots have an inertial unit.
+    pub elevation: ElevationSettings,
     /// When a scan becomes a patch.
     pub extension: ExtensionSettings,
     /// What belongs to a local submap.
@@ -46,6 +51,7 @@ impl Default for SlamConfig {
             front_end: MatcherKind::default(),
             match_correlation: 10.0,
             odometry: OdometrySettings::default(),
+            elevation: ElevationSettings::default(),
             extension: ExtensionSettings::default(),
             submap: SubmapLimits::default(),
             relation_floor: RelationFloor::default(),

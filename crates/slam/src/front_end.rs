@@ -1,10 +1,12 @@
 use crate::SlamConfig;
 use crate::active_submap::ActiveSubmap;
+use crate::climbing::{Climbing, Stance};
+use crate::elevation::unknown_rise;
 use crate::localiser::{Expectation, Localised, Localiser, SightedScan};
 use crate::map::Map;
 use crate::odometer::{Motion, Odometer};
-use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
-use manifold::{INTERVAL_95, Patch, PatchId, Provenance, Way};
+use geometry::{GaussianPose2, Matrix3, Pose2, Vector2, Vector3};
+use manifold::{Elevation, INTERVAL_95, Patch, PatchId, Provenance, Way};
 use matching::{LinePoint, MatchResult};
 use sensing::Observation;
 use std::sync::Arc;
@@ -17,6 +19,7 @@ pub(crate) struct FrontEnd {
     submap: ActiveSubmap,
     anchor_from_base: Pose2,
     odometer: Odometer,
+    climbing: Climbing,
     last_motion: Pose2,
     last_patch: Option<PatchId>,
     /// Where the first patch of a piece of map is put.
@@ -36,10 +39,14 @@ pub(crate) struct Localisation {
     pub covariance: Matrix3<f64>,
     pub is_patch: bool,
     pub recovered: bool,
-    /// Share of the scan that the submap explains; 1 for the first scan.
+    /// Share of the scan that the submap explains; 1 for the first scan and those not matched.
     pub explained: f64,
     /// From where it was expected to where it was found.
     pub shift: Pose2,
+    /// Rise of the ground per metre forwards and to the left, in the base's frame.
+    pub slope: Vector2<f64>,
+    /// The robot had fallen over: the scan was not matched.
+    pub tipped: bool,
 }
 
 impl FrontEnd {
@@ -50,12 +57,23 @@ impl FrontEnd {
             submap: ActiveSubmap::new(config.field),
             anchor_from_base: Pose2::IDENTITY,
             odometer: Odometer::new(config.odometry),
+            climbing: Climbing::new(config.elevation),
             last_motion: Pose2::IDENTITY,
             last_patch: None,
             start: Pose2::IDENTITY,
             bridge: None,
             doubt: Matrix3::zeros(),
         }
+    }
+
+    /// Puts an observation's odometry on the plan, before anything else.
+    pub fn level_odometry(&mut self, observation: &mut Observation) {
+        self.climbing.level_odometry(observation);
+    }
+
+    /// Puts its scan and surface on the plan, before [`FrontEnd::process`].
+    pub fn level(&self, observation: &mut Observation, surface: &mut Vec<LinePoint>) -> Stance {
+        self.climbing.level(observation, surface)
     }
 
     /// Localises a scan in the local submap and extends the manifold if the fit says so. Odometry
@@ -70,11 +88,58 @@ impl FrontEnd {
             return self.start_piece(observation, scan, map);
         };
         let motion = self.odometer.read(&observation, &self.last_motion);
+        self.localise(motion, last_patch, observation, scan, map)
+    }
+
+    /// Follows a robot that has fallen over by its odometry, without looking at its scan.
+    pub fn follow(
+        &mut self,
+        observation: Observation,
+        scan: &[LinePoint],
+        map: &mut Map,
+    ) -> Localisation {
+        if self.last_patch.is_none() {
+            return Localisation { tipped: true, ..self.start_piece(observation, scan, map) };
+        }
+        let motion = self.odometer.read(&observation, &self.last_motion).expected;
+        self.odometer.distrust();
+        self.doubt += motion.covariance;
+        self.move_by(motion.mean);
+        let (patch, anchor_from_patch) = self.submap.nearest(&self.anchor_from_base, 1.0);
+        let patch_from_base = anchor_from_patch.between(&self.anchor_from_base);
+        Localisation {
+            patch,
+            patch_from_base,
+            covariance: motion.covariance,
+            is_patch: false,
+            recovered: false,
+            explained: 1.0,
+            shift: Pose2::IDENTITY,
+            slope: self.climbing.slope(),
+            tipped: true,
+        }
+    }
+
+    fn move_by(&mut self, motion: Pose2) {
+        self.last_motion = motion;
+        self.anchor_from_base = self.anchor_from_base * motion;
+        self.climbing.moved(&motion);
+    }
+
+    fn localise(
+        &mut self,
+        motion: Motion,
+        last_patch: PatchId,
+        observation: Observation,
+        scan: &[LinePoint],
+        map: &mut Map,
+    ) -> Localisation {
         let expected = self.expect(&motion);
+        let surface = self.climbing.comparable(scan, &self.slope_expected(&expected, map));
         let sighted = SightedScan {
             scan: &observation.scan,
             base_from_laser: observation.base_from_laser,
-            surface: scan,
+            surface: &surface,
         };
         let Localised { best: result, first_was_poor: poor, confirmed } =
             self.localiser.find(&sighted, &expected, &self.submap, map);
@@ -87,6 +152,7 @@ impl FrontEnd {
         self.note_disagreement(&shift, expected, &result, poor);
         self.last_motion = self.anchor_from_base.between(&pose);
         self.anchor_from_base = pose;
+        self.climbing.moved(&self.last_motion);
         let (patch, patch_from_base, is_patch) = if self.must_extend(&result) {
             let patch = self.extend(observation, scan, &result, expected, map);
             self.note_odometry(last_patch, patch, map);
@@ -101,7 +167,25 @@ impl FrontEnd {
             false => self.config.relation_covariance(&result.covariance, Some(expected)),
         };
         let recovered = poor;
-        Localisation { patch, patch_from_base, covariance, is_patch, recovered, explained, shift }
+        Localisation {
+            patch,
+            patch_from_base,
+            covariance,
+            is_patch,
+            recovered,
+            explained,
+            shift,
+            slope: self.climbing.slope(),
+            tipped: false,
+        }
+    }
+
+    /// Slope of the ground at the nearest patch, in the frame that the scan is expected to have.
+    fn slope_expected(&self, expected: &Expectation, map: &Map) -> Vector2<f64> {
+        let pose = &expected.poses[0].mean;
+        let (patch, anchor_from_patch) = self.submap.nearest(pose, 1.0);
+        let base_from_patch = pose.between(&anchor_from_patch);
+        base_from_patch.rotate(map.slope(patch))
     }
 
     /// Where the scan may have been taken, in the submap's frame.
@@ -119,7 +203,9 @@ impl FrontEnd {
     /// Begins another piece of map with the next scan, whose pose is given: nothing relates it to
     /// what was mapped before.
     pub fn restart(&mut self, island_from_base: Pose2) {
-        *self = FrontEnd { start: island_from_base, ..FrontEnd::new(self.config) };
+        // What the inertial unit reads on the level stays known.
+        let climbing = self.climbing.clone();
+        *self = FrontEnd { start: island_from_base, climbing, ..FrontEnd::new(self.config) };
     }
 
     /// Relates the first patch of the next piece to an earlier one after all.
@@ -145,8 +231,12 @@ impl FrontEnd {
     ) -> Localisation {
         self.odometer.read(&observation, &Pose2::IDENTITY);
         self.odometer.new_patch();
-        let patch = add_patch(observation, scan, self.start, map);
-        if let Some((from, relation)) = self.bridge.take() {
+        self.climbing.new_patch();
+        let bridge = self.bridge.take();
+        let elevation = observation.attitude.map(|_| ground_of_piece(bridge.as_ref(), map));
+        map.slopes.push(self.climbing.slope());
+        let patch = add_patch(observation, scan, self.start, elevation, map);
+        if let Some((from, relation)) = bridge {
             map.manifold.relate(from, patch, relation, Provenance::Sequential);
         }
         self.last_patch = Some(patch);
@@ -159,6 +249,8 @@ impl FrontEnd {
             recovered: false,
             explained: 1.0,
             shift: Pose2::IDENTITY,
+            slope: self.climbing.slope(),
+            tipped: false,
         }
     }
 
@@ -215,7 +307,8 @@ impl FrontEnd {
         let (from, anchor_from_from) = self.submap.nearest(&self.anchor_from_base, 1.0);
         let from_from_to = anchor_from_from.between(&self.anchor_from_base);
         let pose = map.pose(from) * from_from_to;
-        let patch = add_patch(observation, scan, pose, map);
+        map.slopes.push(self.climbing.slope());
+        let patch = add_patch(observation, scan, pose, None, map);
         let covariance =
             self.config.relation_covariance(&result.covariance, Some(motion)) + self.doubt;
         let relation = GaussianPose2 { mean: from_from_to, covariance };
@@ -228,10 +321,16 @@ impl FrontEnd {
     }
 
     fn note_odometry(&mut self, last: PatchId, patch: PatchId, map: &mut Map) {
-        if let Some(mut motion) = self.odometer.new_patch() {
-            motion.covariance += self.doubt;
-            map.manifold.note_way(Way { from: last, to: patch, motion: Some(motion), climb: None });
+        let motion = self
+            .odometer
+            .new_patch()
+            .map(|motion| GaussianPose2 { covariance: motion.covariance + self.doubt, ..motion });
+        let climb = self.climbing.new_patch();
+        if motion.is_some() || climb.is_some() {
+            map.manifold.note_way(Way { from: last, to: patch, motion, climb });
         }
+        let elevation = self.climbing.elevation(map.manifold.patch(last).elevation, climb);
+        map.manifold.elevate(elevation.map(|height| (patch, height)).into_iter().collect());
         self.last_patch = Some(patch);
         self.doubt = Matrix3::zeros();
     }
@@ -243,7 +342,23 @@ const DECISIVE_STD: [f64; 3] = [0.05, 0.05, 0.02];
 /// model.
 const DISAGREEMENT_SIGMAS: f64 = 4.0;
 
-fn add_patch(observation: Observation, scan: &[LinePoint], pose: Pose2, map: &mut Map) -> PatchId {
+/// The height at which a piece of map begins: zero, or what the bridge to an earlier piece leaves
+/// known.
+fn ground_of_piece(bridge: Option<&(PatchId, GaussianPose2)>, map: &Map) -> Elevation {
+    let before = bridge.and_then(|(from, relation)| {
+        let from = map.manifold.patch(*from).elevation?;
+        Some(unknown_rise(from, relation.mean.norm()))
+    });
+    before.unwrap_or(Elevation { height_m: 0.0, variance_m2: 0.0 })
+}
+
+fn add_patch(
+    observation: Observation,
+    scan: &[LinePoint],
+    pose: Pose2,
+    elevation: Option<Elevation>,
+    map: &mut Map,
+) -> PatchId {
     map.surfaces.push(scan.to_vec());
     map.manifold.add_patch(Patch {
         id: PatchId::default(),
@@ -254,7 +369,7 @@ fn add_patch(observation: Observation, scan: &[LinePoint], pose: Pose2, map: &mu
         base_from_laser: observation.base_from_laser,
         attitude: observation.attitude,
         island_from_patch: pose,
-        elevation: None,
+        elevation,
         left_out: false,
     })
 }

@@ -5,7 +5,9 @@
 //! the whole map and places every scan in it. Nothing here does IO or reads a clock.
 
 mod active_submap;
+mod climbing;
 mod config;
+mod elevation;
 mod event;
 mod front_end;
 mod integrity;
@@ -25,8 +27,10 @@ mod sightings;
 mod statistics;
 mod team;
 mod track;
+mod unit_bias;
 
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
+pub use elevation::{ElevationSettings, KnownGround};
 pub use event::{Event, Stage, StageObserver, Unobserved};
 pub use integrity::{BadStretch, Fault, IntegritySettings};
 pub use loop_closing::{ClosingSettings, ClosingStatistics, Rejection};

@@ -1,3 +1,5 @@
+use crate::climbing::Stance;
+use crate::elevation::{estimate_elevations, forget_ground};
 use crate::front_end::{FrontEnd, Localisation};
 use crate::integrity::{Integrity, Verdict, WitnessScan, bridge};
 use crate::loop_closing::{LandmarkCloser, LoopCloser, relate};
@@ -63,14 +65,18 @@ impl Mapper {
 
     /// [`Mapper::step`] for an observation prepared elsewhere, on another thread for example.
     pub fn step_prepared(&mut self, prepared: PreparedObservation) -> Vec<Event> {
-        let PreparedObservation { mut observation, surface } = prepared;
+        let PreparedObservation { mut observation, mut surface } = prepared;
         observation.odom_from_base = self.config.usable_odometry(observation.odom_from_base);
+        self.front_end.level_odometry(&mut observation);
         self.watch_sensors(&observation);
+        let stance = self.front_end.level(&mut observation, &mut surface);
         let odom_from_base = observation.odom_from_base;
         let (stamp, sightings) = (observation.stamp, std::mem::take(&mut observation.sightings));
         let witness = self.integrity.witness(&observation);
-        let found = self
-            .timed(Stage::Localisation, |m| m.front_end.process(observation, &surface, &mut m.map));
+        let found = self.timed(Stage::Localisation, |m| match stance {
+            Stance::Upright => m.front_end.process(observation, &surface, &mut m.map),
+            Stance::Tipped => m.front_end.follow(observation, &surface, &mut m.map),
+        });
         self.count(&found);
         let noted = self.map.manifold.sightings().len();
         note_sightings(&mut self.map, &found, stamp, &sightings);
@@ -94,8 +100,11 @@ impl Mapper {
     pub fn conclude(&mut self) {
         self.integrity.pieces.set_aside(&mut self.map, &mut self.scans);
         self.optimise();
+        forget_ground(&mut self.map, &self.config.elevation);
         self.look_again();
         self.closer.finish();
+        // As the map is now: what it derives must follow from what is kept of it.
+        forget_ground(&mut self.map, &self.config.elevation);
     }
 
     /// The global pass over everything observed. More observations may follow, and another pass.
@@ -184,6 +193,7 @@ impl Mapper {
     }
 
     fn optimise(&mut self) {
+        estimate_elevations(&mut self.map);
         let retracted =
             self.timed(Stage::Optimisation, |m| optimise_relations(&mut m.map, &m.config));
         self.statistics.optimisations += 1;
@@ -262,6 +272,7 @@ impl Mapper {
         self.statistics.scans += 1;
         self.statistics.patches += usize::from(found.is_patch);
         self.statistics.recoveries += usize::from(found.recovered);
+        self.statistics.tipped += usize::from(found.tipped);
         self.statistics.poor_fits += usize::from(found.explained < 0.5);
     }
 

@@ -14,6 +14,8 @@ pub struct Statistics {
     pub recoveries: usize,
     /// Scans of which the local submap explained less than half in the end.
     pub poor_fits: usize,
+    /// Scans not matched because the robot had fallen over.
+    pub tipped: usize,
     /// Loop closing.
     pub closures: ClosingStatistics,
     /// Optimisations of all relations.
@@ -33,6 +35,7 @@ impl Add for Statistics {
             patches: self.patches + other.patches,
             recoveries: self.recoveries + other.recoveries,
             poor_fits: self.poor_fits + other.poor_fits,
+            tipped: self.tipped + other.tipped,
             closures: self.closures + other.closures,
             optimisations: self.optimisations + other.optimisations,
             overlaps: self.overlaps + other.overlaps,

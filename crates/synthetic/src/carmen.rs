@@ -5,13 +5,19 @@ use std::io::Write;
 
 /// Writes a run's observations as CARMEN text: one `FLASER` line per scan, with the odometry pose
 /// of laser and base. No return reads 81.83 and ranges have two decimals, as scanners of that time
-/// had. Landmarks are `LANDMARK` lines before the scan they were seen from.
+/// had. Before the scan they belong to stand `LANDMARK` lines, and an `ATTITUDE` line where that is
+/// known.
 ///
 /// # Errors
 /// When the writer fails.
 pub fn write_carmen(run: &Run, out: &mut impl Write) -> Result<(), SyntheticError> {
     writeln!(out, "# message formats defined: PARAM SYNC ODOM FLASER RLASER TRUEPOS")?;
     for observation in &run.observations {
+        let seconds = Seconds(observation.stamp);
+        if let Some(attitude) = observation.attitude {
+            let (roll, pitch) = (attitude.roll_rad, attitude.pitch_rad);
+            writeln!(out, "ATTITUDE {roll:.6} {pitch:.6} {seconds} nohost {seconds}")?;
+        }
         write_sightings(observation, out)?;
         let scan = &observation.scan;
         write!(out, "FLASER {}", scan.len())?;
@@ -26,7 +32,6 @@ pub fn write_carmen(run: &Run, out: &mut impl Write) -> Result<(), SyntheticErro
         for pose in [base * observation.base_from_laser, base] {
             write!(out, " {:.6} {:.6} {:.6}", pose.x, pose.y, pose.yaw)?;
         }
-        let seconds = Seconds(observation.stamp);
         writeln!(out, " {seconds} nohost {seconds}")?;
     }
     Ok(())

@@ -2,6 +2,7 @@
 
 mod graphs;
 mod journal;
+mod levels;
 mod relations;
 mod retraction;
 mod submaps;

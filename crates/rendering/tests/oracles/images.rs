@@ -1,7 +1,8 @@
 use crate::worlds::{grid, recorded, views, with_threads};
 use geometry::{Pose2, Vector2};
 use manifoldslam_rendering::{
-    Annotations, Cell, ClosureMark, GridFrame, MarkKind, OccupancyGrid, Trajectory, map_png,
+    Annotations, Cell, ClosureMark, GridFrame, MarkKind, OccupancyGrid, RenderError, Trajectory,
+    contact_sheet_png, map_png,
 };
 
 struct Image {
@@ -147,4 +148,24 @@ fn images_do_not_depend_on_threads() {
     let one = with_threads(1, draw);
     assert_eq!(one, with_threads(2, draw));
     assert_eq!(one, with_threads(3, draw));
+}
+
+/// Every map of a sheet is drawn as it is alone; three stand in two rows.
+#[test]
+fn a_sheet_holds_its_maps() {
+    let grids = [patterned(40, 30), patterned(33, 25), patterned(20, 30)];
+    let maps: Vec<_> = grids.iter().map(|grid| (grid, BARE)).collect();
+    let sheet = decode(&contact_sheet_png(&maps).expect("a sheet"));
+    let zoom = 1000 / 40;
+    let gap = sheet.width - 2 * 40 * zoom;
+    assert_eq!(sheet.height, 2 * 30 * zoom + gap);
+    let places = [(0, 0), (40 * zoom + gap, 0), (0, 30 * zoom + gap)];
+    for (grid, (left, top)) in grids.iter().zip(places) {
+        let alone = map_png(grid, &Annotations { zoom: Some(zoom), ..BARE }).expect("a map");
+        let alone = decode(&alone);
+        for (c, r) in (0..alone.height).flat_map(|r| (0..alone.width).map(move |c| (c, r))) {
+            assert_eq!(sheet.at(left + c, top + r), alone.at(c, r));
+        }
+    }
+    assert_eq!(contact_sheet_png(&[]), Err(RenderError::Empty));
 }

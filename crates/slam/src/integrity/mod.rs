@@ -78,6 +78,8 @@ impl Integrity {
             island_from_base,
             island_from_laser: island_from_base * base_from_laser,
             patch: patch.map(|p| p.id),
+            near: found.patch,
+            slope: island_from_base.rotate(found.slope),
             recovered: found.recovered,
             shift: found.shift,
         };

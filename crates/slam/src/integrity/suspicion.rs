@@ -1,7 +1,7 @@
 use super::IntegritySettings;
 use super::visibility::{View, Visibility};
 use crate::map::Map;
-use geometry::Pose2;
+use geometry::{Pose2, Vector2};
 use manifold::PatchId;
 use sensing::Scan;
 
@@ -24,6 +24,10 @@ pub(crate) struct Witness<'a> {
     pub island_from_laser: Pose2,
     /// The patch it became.
     pub patch: Option<PatchId>,
+    /// A patch on the same ground: that one, or the nearest.
+    pub near: PatchId,
+    /// Rise of the ground per metre along the island's axes.
+    pub slope: Vector2<f64>,
     /// It did not fit where it was expected.
     pub recovered: bool,
     /// From where it was expected to where it was found.
@@ -152,7 +156,12 @@ impl Suspicion {
             let apart = map.pose(*patch).between(&witness.island_from_base);
             apart.norm() + METRES_PER_RADIAN * apart.yaw.abs()
         };
-        let mut nearest: Vec<(f64, PatchId)> = self.trusted.iter().map(|p| (far(p), *p)).collect();
+        let comparable = |p: &&PatchId| {
+            let apart = map.manifold.apart_in_height(**p, witness.near);
+            !apart && map.leans_alike(**p, &witness.slope)
+        };
+        let trusted = self.trusted.iter().filter(comparable);
+        let mut nearest: Vec<(f64, PatchId)> = trusted.map(|p| (far(p), *p)).collect();
         nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut seen = Visibility::default();
         for (_, patch) in nearest.into_iter().take(COMPARED) {

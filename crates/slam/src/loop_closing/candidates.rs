@@ -129,6 +129,7 @@ impl Candidates {
         patches
             .filter(|p| p.id.0.abs_diff(query.0) >= SETTLED_PATCHES)
             .filter(|p| look_due || p.island_from_patch.distance(&own) <= box_m)
+            .filter(|p| map.comparable(p.id, query))
             .map(|p| p.id)
             .collect()
     }

@@ -163,7 +163,9 @@ impl LoopCloser {
         let mut pairs = Vec::new();
         for &query in queries {
             if self.is_due(query, map) {
-                pairs.extend(self.candidates.of(query, map).into_iter().map(|c| (query, c)));
+                let candidates = self.candidates.of(query, map).into_iter();
+                let comparable = candidates.filter(|c| map.comparable(query, c.patch));
+                pairs.extend(comparable.map(|c| (query, c)));
             }
         }
         self.statistics.tried += pairs.len();

@@ -60,6 +60,7 @@ impl OtherRobots {
         let radius_m = radius_m.min(reach(self.most_m[island]));
         let mut near = self.grid.within(map, island as u32, &own, radius_m);
         near.retain(|p| map.pose(*p).distance(&own) <= reach(self.std_m[p.index()]));
+        near.retain(|p| map.comparable(*p, query));
         near
     }
 

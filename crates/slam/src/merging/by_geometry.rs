@@ -1,11 +1,13 @@
 use super::common_ground::{CommonGround, Seen};
-use super::estimate::{MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, may_suffice};
+use super::estimate::{
+    MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, decades_if_alike, may_suffice,
+};
 use super::evidence::{Evidence, examine};
 use super::places::PlaceIndex;
 use super::recognition::{PlaceMatch, Recognition};
 use super::sets::agreeing_sets;
 use super::usual::usual;
-use super::{EvidenceCounts, Link, Proposal, say_the_same};
+use super::{EvidenceCounts, Link, Proposal, same_on_the_plan, say_the_same};
 use crate::SlamConfig;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
@@ -78,7 +80,11 @@ impl GeometricMerging {
         let pairs: Vec<Vec<PlaceMatch>> =
             pairs.into_values().filter_map(|(is_due, matches)| is_due.then_some(matches)).collect();
         let agreeing = |matches: Vec<PlaceMatch>| {
-            let sets = agreeing_sets(map, &matches, config.merging.least_agreeing);
+            let mut sets: Vec<Vec<PlaceMatch>> = by_height(map, &matches)
+                .iter()
+                .flat_map(|group| agreeing_sets(map, group, config.merging.least_agreeing))
+                .collect();
+            sets.sort_by_key(|set| std::cmp::Reverse(set.len()));
             (!sets.is_empty()).then_some(IslandPair { matches, sets })
         };
         pairs.into_par_iter().filter_map(agreeing).collect()
@@ -131,8 +137,9 @@ impl GeometricMerging {
             }
             let counts = counted(matches, &evidence, &observed);
             let bound = 10f64.powf(decades(&observed, &self.usual));
+            let alike = 10f64.powf(decades_if_alike(&observed, &self.usual));
             let links = evidence.links.iter().map(PlaceMatch::link).collect();
-            Alignment { links, counts, bound }
+            Alignment { links, counts, bound, alike }
         };
         examined.into_iter().map(weigh).collect()
     }
@@ -200,12 +207,39 @@ fn larger_first(m: PlaceMatch, islands: &Islands) -> PlaceMatch {
     if size(m.from) >= size(m.to) { m } else { m.reversed() }
 }
 
+/// Matches in groups that agree about how high the islands lie to each other, storeys of the same
+/// plan in groups of their own. All are one group where no heights are known.
+fn by_height(map: &Map, matches: &[PlaceMatch]) -> Vec<Vec<PlaceMatch>> {
+    let mut groups: Vec<Vec<PlaceMatch>> = Vec::new();
+    for m in matches {
+        match groups.iter_mut().find(|group| group[0].link().agrees_in_height(&m.link(), map)) {
+            Some(group) => group.push(*m),
+            None => groups.push(vec![*m]),
+        }
+    }
+    groups
+}
+
 /// An alignment of two islands with what speaks for and against it.
 struct Alignment {
     links: Vec<Link>,
     counts: EvidenceCounts,
     /// The chance that it is wrong, as far as it is known by itself; may exceed one.
     bound: f64,
+    /// The chance that all this only looks alike, copies left aside.
+    alike: f64,
+}
+
+impl Alignment {
+    /// The chance of being wrong as far as a rival has evidence too. That storeys are copies of
+    /// each other is plain where they lie on each other on the plan: then only what one explains
+    /// and the other does not speaks for it.
+    fn doubted_by(&self, rival: &Alignment, map: &Map) -> f64 {
+        let storey = same_on_the_plan(map, &self.links, &rival.links, 0.0);
+        let (own, other) =
+            if storey { (self.alike, rival.alike) } else { (self.bound, rival.bound) };
+        own / other.min(1.0)
+    }
 }
 
 /// The best alignment of two islands, doubted as far as another one has evidence too.
@@ -216,7 +250,7 @@ fn choose(map: &Map, mut ranked: Vec<Alignment>, most_false: f64) -> Option<Prop
     let rival = rivals
         .iter()
         .filter(|rival| !say_the_same(map, &best.links, &rival.links, 0.0))
-        .map(|rival| best.bound / rival.bound.min(1.0))
+        .map(|rival| best.doubted_by(rival, map))
         .fold(0.0, f64::max);
     Some(Proposal {
         target_from_source: alignment(map, &best.links)?,

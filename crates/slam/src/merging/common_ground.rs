@@ -46,11 +46,13 @@ struct Votes {
     normal: (f64, f64),
 }
 
-/// By side, 0 for the places' own, and cell.
-type Cells = BTreeMap<(u8, i32, i32), Votes>;
+/// The place whose level it is, its side, 0 for the places' own, and the cell on the plan.
+type Key = (PatchId, u8, i32, i32);
 
-/// Side and cell of a surface, whether it is confirmed, its normal.
-type Answer = ((u8, i32, i32), bool, (f64, f64));
+type Cells = BTreeMap<Key, Votes>;
+
+/// A surface's cell, whether it is confirmed, its normal.
+type Answer = (Key, bool, (f64, f64));
 
 /// A square's surface, metres: confirmed, contradicted, the second moments of the confirmed
 /// normals, and the sum of positions.
@@ -73,18 +75,20 @@ impl CommonGround {
         keep: impl Fn(&Seen, PatchId, bool) -> bool + Sync,
     ) -> CommonGround {
         let step = seen.len().div_ceil(MOST_PLACES).max(1);
+        let seen: Vec<&Seen> = seen.iter().step_by(step).collect();
+        let levels = levels(map, &seen);
         let compared: Vec<Vec<Answer>> = seen
             .par_iter()
-            .step_by(step)
+            .zip(levels)
             .map_init(
                 || (Surroundings::default(), Surroundings::default()),
-                |(here, there), s| {
+                |(here, there), (s, level)| {
                     here.lay(map, grid, of_island[s.place.index()], s.place, |p| keep(s, p, true));
                     there.lay(map, grid, of_island[s.from.index()], s.from, |p| keep(s, p, false));
                     let common = map.pose(s.place);
                     let back = s.from_place.inverse();
-                    let mut said = answers(0, here, there, &s.from_place, &common);
-                    said.extend(answers(1, there, here, &back, &(common * back)));
+                    let mut said = answers((level, 0), here, there, &s.from_place, &common);
+                    said.extend(answers((level, 1), there, here, &back, &(common * back)));
                     said
                 },
             )
@@ -103,7 +107,7 @@ impl CommonGround {
         let mut squares: BTreeMap<(i32, i32), Square> = BTreeMap::new();
         // Either side has every surface once.
         let share_m = 0.5 * CELL_M;
-        for (&(_, u, v), votes) in cells {
+        for (&(_, _, u, v), votes) in cells {
             let middle = |i: i32| (f64::from(i) + 0.5) * CELL_M;
             let key = |i: i32| (middle(i) / SQUARE_M).floor() as i32;
             let square = squares.entry((key(u), key(v))).or_default();
@@ -136,9 +140,22 @@ impl Square {
     }
 }
 
+/// For every place the first one on its level.
+fn levels(map: &Map, seen: &[&Seen]) -> Vec<PatchId> {
+    let mut firsts: Vec<PatchId> = Vec::new();
+    let level = |seen: &&Seen| {
+        let known = firsts.iter().find(|first| !map.manifold.apart_in_height(**first, seen.place));
+        known.copied().unwrap_or_else(|| {
+            firsts.push(seen.place);
+            seen.place
+        })
+    };
+    seen.iter().map(level).collect()
+}
+
 /// What the other side says to every surface of one: cells in the places' island frame.
 fn answers(
-    side: u8,
+    (level, side): (PatchId, u8),
     own: &Surroundings,
     other: &Surroundings,
     other_from_own: &Pose2,
@@ -152,7 +169,7 @@ fn answers(
             let (there, common) = (to_other(&p), to_common(&p));
             let confirmed = other.shows(there.x, there.y)?;
             let normal = (f64::from(common.nx), f64::from(common.ny));
-            Some(((side, key(common.x), key(common.y)), confirmed, normal))
+            Some(((level, side, key(common.x), key(common.y)), confirmed, normal))
         })
         .collect()
 }

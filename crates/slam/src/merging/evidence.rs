@@ -1,10 +1,11 @@
+use super::Link;
 use super::common_ground::Seen;
 use super::recognition::PlaceMatch;
 use crate::SlamConfig;
 use crate::loop_closing::{Candidate, SearchArea, Verifier};
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
-use geometry::{GaussianPose2, Matrix3, Pose2, Vector3};
+use geometry::{GaussianPose2, Matrix3, Vector3};
 use manifold::{Islands, PatchId};
 use rayon::prelude::*;
 
@@ -131,9 +132,13 @@ fn expect(
         let there = seen_from(*patch);
         there.norm() + there.yaw.abs()
     };
+    let same_floor = |near: &PatchId| {
+        link.link().agrees_in_height(&Link { from: *near, to: place, ..link.link() }, map)
+    };
     let near = grid
         .within(map, target, &pose, NEAR_M)
         .into_iter()
+        .filter(same_floor)
         .min_by(|a, b| unlike(a).total_cmp(&unlike(b)))?;
     let doubt_m = DOUBT_M + DOUBT_PER_M * distance(link);
     let std = Vector3::new(doubt_m, doubt_m, DOUBT_RAD + DOUBT_RAD_PER_M * doubt_m);
@@ -153,13 +158,17 @@ fn judge(verifier: &mut Verifier, e: &Expected, map: &Map, config: &SlamConfig) 
     Verdict { link, through }
 }
 
-/// How many of some places are far enough from each other to be independent, the first ones first.
+/// How many of some places are far enough from each other to be independent, the first ones first:
+/// storeys are.
 fn independent(map: &Map, places: &[PatchId]) -> usize {
-    let mut chosen: Vec<Pose2> = Vec::new();
+    let mut chosen: Vec<PatchId> = Vec::new();
     for &place in places {
         let pose = map.pose(place);
-        if chosen.iter().all(|c| c.distance(&pose) >= INDEPENDENT_M) {
-            chosen.push(pose);
+        let apart = |c: &PatchId| {
+            map.pose(*c).distance(&pose) >= INDEPENDENT_M || map.manifold.apart_in_height(*c, place)
+        };
+        if chosen.iter().all(apart) {
+            chosen.push(place);
         }
     }
     chosen.len()

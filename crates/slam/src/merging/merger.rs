@@ -4,6 +4,7 @@ use super::landmarks::propose_by_landmarks;
 use super::together::together;
 use super::{Merge, MergeState, Proposal, join};
 use crate::SlamConfig;
+use crate::elevation::estimate_elevations;
 use crate::map::Map;
 use crate::refit::{doubt_relations, optimise_islands};
 use crate::track::ScanRecord;
@@ -146,6 +147,7 @@ impl Merger {
         let islands = map.manifold.component_map();
         let which = ends.iter().map(|&patch| islands.of(patch)).collect();
         self.contradicted += optimise_islands(map, &islands, &which, config).len();
+        estimate_elevations(map);
         self.optimisations += 1;
         state.renew(map, &ends, tracks, config);
     }

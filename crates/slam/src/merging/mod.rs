@@ -23,7 +23,7 @@ pub(crate) use merger::Merger;
 
 use crate::map::Map;
 use geometry::{GaussianPose2, Pose2};
-use manifold::{Islands, PatchId, Provenance, RelationId};
+use manifold::{Elevation, Islands, PatchId, Provenance, RelationId};
 use serde::{Deserialize, Serialize};
 use std::ops::Add;
 
@@ -183,6 +183,21 @@ impl Link {
     pub fn target_from_source(&self, map: &Map) -> Pose2 {
         map.pose(self.from) * self.from_from_to.mean * map.pose(self.to).inverse()
     }
+
+    /// Height of the island of `to` above that of `from`, as the link has it: both ends stand on
+    /// the same floor. `None` where nothing tells.
+    pub fn rise(&self, map: &Map) -> Option<Elevation> {
+        let [from, to] = [self.from, self.to].map(|end| map.manifold.patch(end).elevation);
+        let (from, to) = from.zip(to)?;
+        let variance_m2 = from.variance_m2 + to.variance_m2;
+        Some(Elevation { height_m: from.height_m - to.height_m, variance_m2 })
+    }
+
+    /// False when two links of the same islands say that they lie at different heights.
+    pub fn agrees_in_height(&self, other: &Link, map: &Map) -> bool {
+        let rises = self.rise(map).zip(other.rise(map));
+        rises.is_none_or(|(a, b)| !a.is_apart_from(&b))
+    }
 }
 
 /// Two alignments of the same islands nearer than this at their links are the same one, metres and
@@ -191,17 +206,37 @@ const SAME_M: f64 = 1.5;
 const SAME_RAD: f64 = 0.15;
 
 /// True when two sets of links say the same: most of the second lie where the nearest of the first
-/// has them. They may differ by so much more per metre between them.
+/// has them, and at that height. They may differ by so much more per metre between them.
 fn say_the_same(map: &Map, links: &[Link], others: &[Link], bent_per_m: f64) -> bool {
+    same_on_the_plan(map, links, others, bent_per_m) && {
+        let same_height = |near: &Link, other: &Link| near.agrees_in_height(other, map);
+        most_agree(map, links, others, same_height)
+    }
+}
+
+/// [`say_the_same`] but for the height: storeys that look alike lie on each other on the plan.
+fn same_on_the_plan(map: &Map, links: &[Link], others: &[Link], bent_per_m: f64) -> bool {
+    most_agree(map, links, others, |near, other| {
+        let place = map.pose(other.to);
+        let here = near.target_from_source(map) * place;
+        let apart = here.between(&(other.target_from_source(map) * place));
+        let bent_m = bent_per_m * map.pose(near.to).distance(&place);
+        apart.norm() < SAME_M + bent_m && apart.yaw.abs() < SAME_RAD
+    })
+}
+
+/// True when most of the second set agree with the nearest of the first.
+fn most_agree(
+    map: &Map,
+    links: &[Link],
+    others: &[Link],
+    agree: impl Fn(&Link, &Link) -> bool,
+) -> bool {
     let agrees = |other: &&Link| {
         let place = map.pose(other.to);
         let distance = |link: &&Link| map.pose(link.to).distance(&place);
         let nearest = links.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        nearest.is_some_and(|near| {
-            let here = near.target_from_source(map) * place;
-            let apart = here.between(&(other.target_from_source(map) * place));
-            apart.norm() < SAME_M + bent_per_m * distance(&near) && apart.yaw.abs() < SAME_RAD
-        })
+        nearest.is_some_and(|near| agree(near, other))
     };
     2 * others.iter().filter(agrees).count() > others.len()
 }

@@ -68,7 +68,9 @@ impl PlaceIndex {
             let place = self.places[index];
             let own = map.pose(place.patch);
             let near = |other: &Place| {
-                other.island == place.island && map.pose(other.patch).distance(&own) < apart_m
+                other.island == place.island
+                    && map.pose(other.patch).distance(&own) < apart_m
+                    && !map.manifold.apart_in_height(other.patch, place.patch)
             };
             if !chosen.iter().any(near) {
                 chosen.push(place);
@@ -84,15 +86,17 @@ impl PlaceIndex {
 /// Of so many times as many places as wanted those too near to a better one are left out.
 const CHOICE: usize = 4;
 
-/// Patches at least `spacing_m` from each other on every island, the earliest first.
+/// Patches at least `spacing_m` from each other on every island, the earliest first. A ramp is no
+/// place: its walls repeat.
 pub(super) fn spaced_patches(map: &Map, islands: &Islands, spacing_m: f64) -> Vec<PatchId> {
     let near = PatchGrid::new(map, islands, spacing_m);
     let mut taken = vec![false; map.manifold.patches().len()];
     let mut chosen = Vec::new();
-    for patch in map.manifold.patches().iter().filter(|p| !p.left_out) {
+    for patch in map.manifold.patches().iter().filter(|p| !p.left_out && map.is_level(p.id)) {
         let island = islands.of[patch.id.index()];
         let around = near.within(map, island, &patch.island_from_patch, spacing_m);
-        if around.iter().any(|p| taken[p.index()]) {
+        let beside = |p: &PatchId| !map.manifold.apart_in_height(*p, patch.id);
+        if around.iter().any(|p| taken[p.index()] && beside(p)) {
             continue;
         }
         taken[patch.id.index()] = true;

@@ -52,7 +52,8 @@ impl Default for Surroundings {
 }
 
 impl Surroundings {
-    /// Lays what the patches around a place show, in the place's frame; those that `keep` accepts.
+    /// Lays what the patches around a place show, in the place's frame; those on its level that
+    /// `keep` accepts.
     pub fn lay(
         &mut self,
         map: &Map,
@@ -64,7 +65,7 @@ impl Surroundings {
         self.cells.fill(Cell::default());
         let own = map.pose(place);
         let mut near = grid.within(map, island, &own, RADIUS_M);
-        near.retain(|&patch| keep(patch));
+        near.retain(|&patch| keep(patch) && map.comparable(place, patch));
         for (number, patch) in spaced(map, near, &own).into_iter().enumerate() {
             self.add(map, patch, &own.between(&map.pose(patch)), number as u8 + 1);
         }

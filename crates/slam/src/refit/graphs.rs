@@ -28,12 +28,16 @@ impl<'a> IslandGraphs<'a> {
         IslandGraphs { islands, graphs }
     }
 
-    /// Adds the relations that hold with a share of their information; returns where those are
-    /// that may be doubted.
-    pub fn add_relations(&mut self, map: &Map, share: f64) -> Vec<((usize, usize), RelationId)> {
+    /// Adds the relations that hold, each with its share of its information; returns where those
+    /// are that may be doubted.
+    pub fn add_relations(
+        &mut self,
+        map: &Map,
+        share: impl Fn(&Relation) -> f64,
+    ) -> Vec<((usize, usize), RelationId)> {
         let mut closures = Vec::new();
         for relation in map.manifold.active_relations() {
-            if let Some(place) = self.add(relation_edge(relation, share))
+            if let Some(place) = self.add(relation_edge(relation, share(relation)))
                 && relation.provenance != Provenance::Sequential
             {
                 closures.push((place, relation.id));

@@ -9,11 +9,12 @@ mod smoother;
 pub(crate) use relocalise::relocalise;
 
 use crate::SlamConfig;
+use crate::elevation::estimate_elevations;
 use crate::map::Map;
 use breadth_first::refit_breadth_first;
 use geometry::{LieGroup, Matrix3, Pose2};
 use graphs::IslandGraphs;
-use manifold::{Islands, PatchId, Provenance, RelationId, Retraction};
+use manifold::{Islands, PatchId, Provenance, Relation, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
 use optimizer::{Edge, EdgeKind, Kernel, Settings};
 use overlaps::{Overlap, measure_overlaps};
@@ -138,7 +139,7 @@ fn find_contradicted(
     config: &SlamConfig,
 ) -> Vec<RelationId> {
     let mut graphs = IslandGraphs::of(map, islands, |island| which.contains(&island));
-    let closures = graphs.add_relations(map, 1.0);
+    let closures = graphs.add_relations(map, |_| 1.0);
     let reports = graphs.solve(map, &config.refit.quickly());
     let weight = |(island, edge): (usize, usize)| {
         reports[island].as_ref().map_or(1.0, |report| report.weights[edge])
@@ -161,8 +162,9 @@ pub(crate) fn settle(map: &mut Map, config: &SlamConfig) {
     let placed: Vec<(PatchId, Pose2)> = placed.collect();
     map.manifold.refit(placed);
     let mut graphs = IslandGraphs::new(map, &islands);
-    graphs.add_relations(map, 1.0);
+    graphs.add_relations(map, |_| 1.0);
     graphs.solve(map, &config.refit.strictly());
+    estimate_elevations(map);
 }
 
 /// The patches of an island in the frame of one of them, each by the fewest relations.
@@ -217,7 +219,7 @@ fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
         let overlaps = measure_overlaps(map, &islands, matcher, config, kernel as f32);
         measured += overlaps.len();
         let mut graphs = IslandGraphs::new(map, &islands);
-        graphs.add_relations(map, RELATION_SHARE);
+        graphs.add_relations(map, |r| relation_share(map, r));
         for way in map.manifold.ways() {
             let Some(motion) = way.motion else { continue };
             let information = motion.covariance.try_inverse().unwrap_or_else(Matrix3::zeros);
@@ -234,6 +236,13 @@ fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
 
 /// Relations of the run see what overlaps see; beside them they only count this much.
 const RELATION_SHARE: f64 = 0.01;
+
+/// How much of a relation counts beside overlaps: beside a ramp's walls overlaps tell little, and
+/// at its ends nothing.
+fn relation_share(map: &Map, relation: &Relation) -> f64 {
+    let level = map.is_level(relation.from) && map.is_level(relation.to);
+    if level { RELATION_SHARE } else { 1.0 }
+}
 
 impl RefitSettings {
     /// How poses are optimised on the way: far better than they are known.

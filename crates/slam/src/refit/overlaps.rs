@@ -65,12 +65,16 @@ fn overlaps_of(
         if overlaps.len() >= settings.overlaps_per_patch {
             break;
         }
-        let (h, g, share) = matcher.quadratic(scratch, map.surface(to), &believed, kernel_m);
+        let (h, g, share) =
+            matcher.quadratic(scratch, &map.comparable_surface(from, to), &believed, kernel_m);
         if share < settings.overlap_share {
             continue;
         }
-        let information = h / (config.match_correlation * settings.overlap_sharing);
-        let gradient = g / (config.match_correlation * settings.overlap_sharing);
+        let mut information = h / (config.match_correlation * settings.overlap_sharing);
+        let mut gradient = g / (config.match_correlation * settings.overlap_sharing);
+        if !(map.is_level(from) && map.is_level(to)) {
+            forget_what_is_not_observed(&mut information, &mut gradient);
+        }
         // Directions that nothing observes stay where they are.
         let damped = information + Matrix3::identity();
         let Some(factor) = damped.cholesky() else { continue };
@@ -78,6 +82,27 @@ fn overlaps_of(
         overlaps.push(Overlap { from, to, believed, step, information });
     }
     overlaps
+}
+
+/// A direction with a smaller share of the best one's information is not observed.
+const OBSERVED_SHARE: f64 = 0.02;
+
+/// Takes the direction out of a quadratic model in which nothing is observed, if there is one
+/// (solution remapping, Zhang, Kaess and Singh 2016). Beside a ramp there is nothing but its walls:
+/// what little they say along the ramp is the pattern of the beams on them, which is the same in
+/// every scan, and pulls the patches of a drive together.
+fn forget_what_is_not_observed(information: &mut Matrix3<f64>, gradient: &mut Vector3<f64>) {
+    let translation = information.fixed_view::<2, 2>(0, 0).into_owned();
+    let eigen = translation.symmetric_eigen();
+    let (low, high) = (eigen.eigenvalues.imin(), eigen.eigenvalues.imax());
+    if eigen.eigenvalues[low] >= OBSERVED_SHARE * eigen.eigenvalues[high] {
+        return;
+    }
+    let along = eigen.eigenvectors.column(low);
+    let along = Vector3::new(along[0], along[1], 0.0);
+    let across = Matrix3::identity() - along * along.transpose();
+    *information = across * *information * across;
+    *gradient = across * *gradient;
 }
 
 /// Patches within the radius of `patch` that may see what it sees, and their poses seen from it,
@@ -93,7 +118,7 @@ fn neighbours_of(
     let mut found: Vec<(f64, PatchId, Pose2)> = near
         .within(map, island, &own, radius_m)
         .into_iter()
-        .filter(|&other| other != patch)
+        .filter(|&other| other != patch && !map.manifold.apart_in_height(patch, other))
         .map(|other| (other, own.between(&map.pose(other))))
         .map(|(other, pose)| (pose.norm() + pose.yaw.abs(), other, pose))
         .collect();

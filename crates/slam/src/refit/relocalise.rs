@@ -87,7 +87,7 @@ fn group_patches(map: &Map, islands: &Islands, radius_m: f64) -> Vec<Vec<PatchId
         }
         let island = islands.of[centre.id.index()];
         let mut group = near.within(map, island, &centre.island_from_patch, radius_m);
-        group.retain(|p| !grouped[p.index()]);
+        group.retain(|p| !grouped[p.index()] && map.comparable(centre.id, *p));
         for patch in &group {
             grouped[patch.index()] = true;
         }
@@ -107,8 +107,9 @@ fn match_group(
     config: &SlamConfig,
 ) -> Vec<Matched> {
     let origin = map.pose(centre);
+    let comparable = around.iter().filter(|p| map.comparable(centre, **p));
     let around: Vec<(PatchId, Pose2)> =
-        around.iter().map(|&p| (p, origin.between(&map.pose(p)))).collect();
+        comparable.map(|&p| (p, origin.between(&map.pose(p)))).collect();
     lay_field(scratch, map, &around, f64::from(config.refit.reach_m));
     let matcher = config.refit_matcher();
     let information = information_before();

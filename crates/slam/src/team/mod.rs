@@ -2,6 +2,7 @@ mod resuming;
 
 pub use resuming::{StoredScan, StoredTeam};
 
+use crate::elevation::forget_ground;
 use crate::loop_closing::{LoopCloser, relate};
 use crate::map::Map;
 use crate::merging::{IslandLandmark, Merge, MergeState, Merger, places_of};
@@ -106,6 +107,12 @@ impl Team {
         for (patch, surface) in track.patches.iter().zip(mapper.map.surfaces) {
             self.map.set_surface(*patch, surface);
         }
+        for (own, surface) in mapper.map.with_ground {
+            self.map.with_ground.insert(track.patches[own.index()], surface);
+        }
+        for (patch, slope) in track.patches.iter().zip(mapper.map.slopes) {
+            self.map.set_slope(*patch, slope);
+        }
         track.scans = mapper.scans;
         for scan in &mut track.scans {
             scan.found.patch = track.patches[scan.found.patch.index()];
@@ -174,6 +181,8 @@ impl Team {
         manifold.ways().iter().for_each(|way| team.map.manifold.note_way(*way));
         manifold.sightings().iter().for_each(|s| team.map.manifold.note_sighting(s.clone()));
         team.map.surfaces.clone_from(&self.map.surfaces);
+        team.map.with_ground.clone_from(&self.map.with_ground);
+        team.map.slopes.clone_from(&self.map.slopes);
         team.tracks.clone_from(&self.tracks);
         team
     }
@@ -238,6 +247,7 @@ impl Team {
         self.review_merges();
         let config = self.config;
         self.timed(Stage::Optimisation, |t| settle(&mut t.map, &config));
+        forget_ground(&mut self.map, &config.elevation);
         let measured = self.timed(Stage::Refit, |t| refit(&mut t.map, &config));
         self.statistics.overlaps += measured;
         self.timed(Stage::Relocalisation, |t| {
@@ -245,6 +255,8 @@ impl Team {
                 t.tracks.iter_mut().map(|track| &mut track.scans[..]).collect();
             relocalise(&t.map, &mut tracks, &config);
         });
+        // As the map is now: what it derives must follow from what is kept of it.
+        forget_ground(&mut self.map, &config.elevation);
     }
 
     /// The map.

@@ -1,4 +1,6 @@
 use super::{Known, Team, Track};
+use crate::climbing::Climbing;
+use crate::elevation::recall_ground;
 use crate::map::Map;
 use crate::merging::Merge;
 use crate::track::{ScanPose, ScanRecord};
@@ -53,7 +55,7 @@ impl Team {
     ) -> Self {
         let StoredTeam { manifold, scans, statistics, bad_stretches, merges } = stored;
         let observations: Vec<Observation> = manifold.patches().iter().map(taken_from).collect();
-        let surfaces = surfaces(&config, observations);
+        let mut surfaces = surfaces(&config, observations);
         let robots = manifold.robots().len();
         let mut tracks = vec![Track::default(); robots];
         for (track, counted) in tracks.iter_mut().zip(statistics) {
@@ -63,7 +65,11 @@ impl Team {
             track.bad = bad;
         }
         for (track, scans) in tracks.iter_mut().zip(scans) {
-            track.scans = records(&config, scans);
+            let (records, levelled) = recorded(&config, scans);
+            track.scans = records;
+            for (patch, surface) in levelled {
+                surfaces[patch.index()] = surface;
+            }
             for (k, scan) in track.scans.iter_mut().enumerate() {
                 scan.left_out = track.bad.iter().any(|stretch| stretch.scans.contains(&k));
             }
@@ -71,7 +77,8 @@ impl Team {
         for patch in manifold.patches() {
             tracks[usize::from(patch.robot.0)].patches.push(patch.id);
         }
-        let map = Map { manifold, surfaces };
+        let mut map = Map { manifold, surfaces, ..Map::default() };
+        recall_ground(&mut map, &config.elevation);
         Team { config, map, tracks, merges, statistics: Statistics::default(), observer }
     }
 
@@ -113,21 +120,36 @@ fn taken_from(patch: &Patch) -> Observation {
     }
 }
 
-fn records(config: &SlamConfig, scans: Vec<StoredScan>) -> Vec<ScanRecord> {
+/// A robot's scans as they were when they were taken, those of leaning robots levelled again, and
+/// the surfaces of the patches that were made of those.
+fn recorded(
+    config: &SlamConfig,
+    scans: Vec<StoredScan>,
+) -> (Vec<ScanRecord>, Vec<(PatchId, Vec<LinePoint>)>) {
     let seen = scans.iter().filter_map(|scan| scan.observation.clone()).collect();
     let mut surfaces = surfaces(config, seen).into_iter();
-    let record = |scan: StoredScan| {
-        let surface = scan.observation.and_then(|_| surfaces.next()).unwrap_or_default();
-        ScanRecord {
-            found: scan.found,
-            pose: scan.pose,
-            stamp: scan.stamp,
-            left_out: false,
-            odom_from_base: config.usable_odometry(scan.odom_from_base),
-            surface: CompactPoints::new(&surface),
+    let mut climbing = Climbing::new(config.elevation);
+    let (mut records, mut levelled) = (Vec::with_capacity(scans.len()), Vec::new());
+    let mut newest = None;
+    for StoredScan { found, pose, stamp, odom_from_base, observation } in scans {
+        let mut odom_from_base = config.usable_odometry(odom_from_base);
+        let mut surface = Vec::new();
+        if let Some(mut seen) = observation {
+            surface = surfaces.next().unwrap_or_default();
+            seen.odom_from_base = odom_from_base;
+            climbing.level_odometry(&mut seen);
+            climbing.level(&mut seen, &mut surface);
+            odom_from_base = seen.odom_from_base;
+            // A patch was made of the first scan that hangs on it.
+            if seen.attitude.is_some() && newest < Some(found.patch) {
+                levelled.push((found.patch, surface.clone()));
+            }
         }
-    };
-    scans.into_iter().map(record).collect()
+        newest = newest.max(Some(found.patch));
+        let surface = CompactPoints::new(&surface);
+        records.push(ScanRecord { found, pose, stamp, odom_from_base, left_out: false, surface });
+    }
+    (records, levelled)
 }
 
 /// The surfaces that scans show, as when they were taken.

@@ -10,4 +10,5 @@ mod landmarks;
 mod replay;
 mod runs;
 mod standing_still;
+mod storeys;
 mod team;

@@ -1,0 +1,146 @@
+//! A building whose two storeys have the same plan and furniture, joined by a ramp, driven with an
+//! inertial unit that has a bias: what the heights are worth.
+
+use crate::runs::{Mapped, ate, map};
+use geometry::Pose2;
+use manifold::{Change, Patch, PatchId, Provenance};
+use manifoldslam_slam::{Event, Mapper, SlamConfig, Team};
+use sensing::{Observation, RobotId};
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+use synthetic::{Robot, Storeys, StoreysRun};
+
+fn driven() -> &'static StoreysRun {
+    static RUN: OnceLock<StoreysRun> = OnceLock::new();
+    RUN.get_or_init(|| Storeys::default().record(&Robot::default(), 1))
+}
+
+fn mapped() -> &'static Mapped {
+    static MAPPED: OnceLock<Mapped> = OnceLock::new();
+    MAPPED.get_or_init(|| map(SlamConfig::default(), &driven().run.observations))
+}
+
+/// The scan every patch was made of: stamps are unique.
+fn scan_of(manifold: &manifold::Manifold, patch: PatchId) -> usize {
+    static SCANS: OnceLock<BTreeMap<i64, usize>> = OnceLock::new();
+    let scans = SCANS.get_or_init(|| {
+        let observations = driven().run.observations.iter().enumerate();
+        observations.map(|(scan, seen)| (seen.stamp.0, scan)).collect()
+    });
+    scans[&manifold.patch(patch).stamp.0]
+}
+
+#[test]
+fn storeys_of_one_plan_are_two_levels() {
+    let (driven, mapped) = (driven(), mapped());
+    let manifold = &mapped.manifold;
+    let islands = manifold.islands();
+    assert_eq!(islands.len(), 1);
+    let levels = manifold.levels(&islands[0]);
+    assert_eq!(levels.heights_m.len(), 2, "{:?}", levels.heights_m);
+    let between = levels.heights_m[1] - levels.heights_m[0];
+    assert!((between - driven.storey_height_m).abs() < 0.1, "{between} m");
+    let (mut all, mut right) = (0.0, 0.0);
+    for member in &levels.members {
+        let scan = scan_of(manifold, member.patch);
+        all += 1.0;
+        right += f64::from(u8::from(member.level == driven.storey(scan)));
+        let height = manifold.patch(member.patch).elevation.expect("a height").height_m;
+        let off = height - (driven.heights_m[scan] - driven.heights_m[0]);
+        assert!(off.abs() < 0.2, "scan {scan} is {off} m too high");
+    }
+    assert!(right >= 0.99 * all, "{right} of {all} patches on the right level");
+    let error = ate(&driven.run.truth, &mapped.trajectory);
+    assert!(error <= 0.05, "{error} m");
+}
+
+#[test]
+fn nothing_is_closed_between_storeys() {
+    let manifold = &mapped().manifold;
+    let height = |patch| driven().heights_m[scan_of(manifold, patch)];
+    let mut closures = 0;
+    for r in manifold.active_relations().filter(|r| r.provenance != Provenance::Sequential) {
+        closures += 1;
+        assert!((height(r.from) - height(r.to)).abs() < 1.0, "{} to {}", r.from.0, r.to.0);
+    }
+    assert!(closures > 0, "loops close on each storey");
+}
+
+/// The same drive without the inertial unit is one of flat ground: no heights, one level.
+#[test]
+fn without_attitude_there_is_one_level() {
+    let blind = |seen: &Observation| Observation { attitude: None, ..seen.clone() };
+    let observations: Vec<Observation> =
+        driven().run.observations.iter().take(300).map(blind).collect();
+    let mapped = map(SlamConfig::default(), &observations);
+    let patches = mapped.manifold.patches();
+    assert!(patches.iter().all(|patch| patch.elevation.is_none()));
+    let levels = mapped.manifold.levels(&mapped.manifold.islands()[0]);
+    assert_eq!(levels.heights_m, [0.0]);
+}
+
+/// Joins robots, each with an odometry frame of its own.
+fn team(robots: &[&[Observation]]) -> Team {
+    let mut team = Team::new(SlamConfig::default());
+    for (number, observations) in robots.iter().enumerate() {
+        let robot = team.add_robot(&format!("robot-{number}"));
+        let mut mapper = Mapper::new(SlamConfig::default());
+        for observation in *observations {
+            let odom = observation.odom_from_base.map(|pose| Pose2::new(5.0, -3.0, 1.0) * pose);
+            let events = mapper.step(Observation { odom_from_base: odom, ..observation.clone() });
+            let changes: Vec<Change> = events
+                .into_iter()
+                .filter_map(|event| match event {
+                    Event::Map(change) => Some(change),
+                    Event::Localised(..) => None,
+                })
+                .collect();
+            team.receive(robot, &changes);
+        }
+        mapper.conclude();
+        team.join(robot, mapper);
+    }
+    team.finish();
+    team
+}
+
+/// A robot that saw only one storey may be on either: it is not joined to one that saw both.
+#[test]
+fn storeys_that_look_alike_are_rivals() {
+    let observations = &driven().run.observations;
+    let upstairs: Vec<Observation> = (0..observations.len())
+        .filter(|&scan| driven().storey(scan) == 1 && driven().on_floor(scan))
+        .map(|scan| observations[scan].clone())
+        .collect();
+    let team = team(&[observations, &upstairs]);
+    let manifold = team.manifold();
+    let wrong = manifold.active_relations().filter(|r| {
+        let ends = [r.from, r.to].map(|patch| manifold.patch(patch));
+        let downstairs = |p: &Patch| driven().storey(scan_of(manifold, p.id)) == 0;
+        ends[0].robot != ends[1].robot
+            && ends.iter().any(|p| p.robot == RobotId(0) && downstairs(p))
+    });
+    assert_eq!(wrong.count(), 0, "{:?}", team.merges());
+}
+
+/// One robot went up and the other came down: only one of the ways in which their storeys can lie
+/// on each other fits both.
+#[test]
+fn robots_that_saw_both_storeys_are_joined_storey_by_storey() {
+    let observations = &driven().run.observations;
+    let (up, down) = (observations.len() * 7 / 10, observations.len() / 2);
+    let team = team(&[&observations[..up], &observations[down..]]);
+    let manifold = team.manifold();
+    let islands = manifold.islands();
+    assert_eq!(islands.len(), 1, "{:?}", team.merges());
+    let levels = manifold.levels(&islands[0]);
+    assert_eq!(levels.heights_m.len(), 2, "{:?}", levels.heights_m);
+    let on_floor = levels.members.iter().filter(|m| driven().on_floor(scan_of(manifold, m.patch)));
+    let (mut all, mut right) = (0.0, 0.0);
+    for member in on_floor {
+        all += 1.0;
+        let storey = driven().storey(scan_of(manifold, member.patch));
+        right += f64::from(u8::from(member.level == storey));
+    }
+    assert!(right >= 0.99 * all, "{right} of {all} patches on the right level");
+}
