@@ -7,6 +7,7 @@
 
 mod change;
 mod islands;
+mod key_patches;
 mod local_submap;
 mod manifold;
 mod patch;
@@ -18,6 +19,7 @@ mod way;
 
 pub use change::{Change, ManifoldError};
 pub use islands::Islands;
+pub use key_patches::KeyPatches;
 pub use local_submap::{INTERVAL_95, SubmapLimits, SubmapMember};
 pub use manifold::Manifold;
 pub use patch::{Elevation, Patch, PatchId};
