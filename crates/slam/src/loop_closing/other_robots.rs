@@ -2,7 +2,7 @@ use super::ClosingSettings;
 use crate::map::Map;
 use geometry::GaussianPose2;
 use manifold::{INTERVAL_95, KeyPatches, PatchId, SubmapLimits};
-use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Where robots of one island may have met without knowing: what one has mapped beside the patches
 /// of the others.
@@ -14,8 +14,8 @@ pub(crate) struct OtherRobots {
     keys: KeyPatches,
     /// What each key patch's members lie within.
     extents: Vec<Extent>,
-    /// For each key patch those whose members may see what its own do.
-    met: Vec<Vec<(usize, GaussianPose2)>>,
+    /// For each key patch, once it is asked for, those whose members may see what its own do.
+    met: Vec<OnceLock<Vec<(usize, GaussianPose2)>>>,
 }
 
 /// What the members of a key patch lie within, as seen from it.
@@ -30,12 +30,10 @@ impl OtherRobots {
     /// For a map as it is now.
     pub fn new(map: &Map, settings: ClosingSettings, limits: &SubmapLimits) -> Self {
         let well_known_m = limits.translation_m / INTERVAL_95;
-        let keys = KeyPatches::new(&map.manifold, 0.5 * well_known_m);
+        let keys = KeyPatches::new(&map.manifold, well_known_m);
         let extents = (0..keys.count()).map(|key| Extent::of(&keys, key, map)).collect();
-        let mut others = OtherRobots { settings, well_known_m, keys, extents, met: Vec::new() };
-        others.met =
-            (0..others.keys.count()).into_par_iter().map(|key| others.met_by(key, map)).collect();
-        others
+        let met = vec![OnceLock::new(); keys.count()];
+        OtherRobots { settings, well_known_m, keys, extents, met }
     }
 
     /// Patches of robots before the query's own that may see what it sees, within `radius_m`, each
@@ -60,7 +58,7 @@ impl OtherRobots {
         let Some((key, key_from_query)) = self.keys.of(query) else { return Vec::new() };
         let (own, query_from_key) = (map.pose(query), key_from_query.inverse());
         let mut found = Vec::new();
-        for (other, key_from_other) in &self.met[key] {
+        for (other, key_from_other) in self.met[key].get_or_init(|| self.met_by(key, map)) {
             let distance = map.pose(self.keys.patch(*other)).distance(&own);
             if distance > radius_m + self.extents[*other].radius_m {
                 continue;
