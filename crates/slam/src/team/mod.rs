@@ -3,7 +3,7 @@ mod resuming;
 pub use resuming::{StoredScan, StoredTeam};
 
 use crate::elevation::forget_ground;
-use crate::loop_closing::{LoopCloser, relate};
+use crate::loop_closing::{BetweenRobots, relate};
 use crate::map::Map;
 use crate::merging::{IslandLandmark, Merge, MergeState, Merger, places_of};
 use crate::refit::{optimise_relations, reconsider_relations, refit, relocalise, settle};
@@ -216,9 +216,10 @@ impl Team {
     /// rest better known, so that the search is repeated while it finds something.
     pub fn close_loops(&mut self) {
         let config = self.config;
+        let mut between = BetweenRobots::default();
         for _ in 0..MOST_SEARCHES {
             let (closures, statistics) =
-                self.timed(Stage::LoopClosing, |t| LoopCloser::between_robots(&t.map, &config));
+                self.timed(Stage::LoopClosing, |t| between.search(&t.map, &config));
             self.statistics.closures = self.statistics.closures + statistics;
             if closures.is_empty() {
                 break;
