@@ -2,16 +2,19 @@
 
 mod breadth_first;
 mod graphs;
+mod grid_pose;
+mod memory;
 mod overlaps;
 mod relocalise;
 mod smoother;
 
+pub(crate) use memory::Memory;
 pub(crate) use relocalise::relocalise;
 
 use crate::SlamConfig;
 use crate::map::Map;
 use breadth_first::refit_breadth_first;
-use geometry::{LieGroup, Matrix3, Pose2};
+use geometry::{Matrix3, Pose2};
 use graphs::IslandGraphs;
 use manifold::{Islands, PatchId, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
@@ -160,10 +163,10 @@ pub(crate) fn doubt_relations(
     if doubted.is_empty() { Vec::new() } else { graphs::doubt(map, island, doubted) }
 }
 
-/// The refit that is configured; how many overlaps it measured.
-pub(crate) fn refit(map: &mut Map, config: &SlamConfig) -> usize {
+/// The refit that is configured; how many overlaps took part.
+pub(crate) fn refit(map: &mut Map, config: &SlamConfig, memory: &mut Memory) -> usize {
     match config.refit.method {
-        RefitMethod::Global => refit_globally(map, config),
+        RefitMethod::Global => refit_globally(map, config, memory),
         RefitMethod::BreadthFirst => {
             refit_breadth_first(map, config);
             0
@@ -175,16 +178,16 @@ pub(crate) fn refit(map: &mut Map, config: &SlamConfig) -> usize {
 /// The global pass: measure how all overlapping patches fit, re-estimate all poses, repeat with a
 /// narrower kernel. Relations of the run keep the map together where nothing overlaps; odometry
 /// keeps it straight along walls without features.
-fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
-    let matcher = &config.refit_matcher();
+fn refit_globally(map: &mut Map, config: &SlamConfig, memory: &mut Memory) -> usize {
     let settings = &config.refit;
     let islands = map.manifold.component_map();
-    let mut measured = 0;
+    let mut counting = 0;
+    memory.overlaps.resize(settings.rounds, Vec::new());
     for round in 0..settings.rounds {
         let shrink = 0.6f64.powi(round as i32);
         let kernel = (settings.kernel_start_m * shrink).max(settings.kernel_end_m);
-        let overlaps = measure_overlaps(map, &islands, matcher, config, kernel as f32);
-        measured += overlaps.len();
+        let last = &memory.overlaps[round];
+        let overlaps = measure_overlaps(map, &islands, config, kernel as f32, last);
         let mut graphs = IslandGraphs::new(map, &islands);
         graphs.add_relations(map, RELATION_SHARE);
         for way in map.manifold.ways() {
@@ -193,12 +196,14 @@ fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
             let (from, to) = (way.from.0.into(), way.to.0.into());
             graphs.add(Edge::new(from, to, motion.mean, information, EdgeKind::Closure));
         }
-        for overlap in &overlaps {
+        for overlap in overlaps.iter().flatten().filter(|overlap| overlap.counts) {
             graphs.add(overlap.edge());
+            counting += 1;
         }
         graphs.solve(map, &settings.quickly());
+        memory.overlaps[round] = overlaps;
     }
-    measured
+    counting
 }
 
 /// Relations of the run see what overlaps see; beside them they only count this much.
@@ -237,7 +242,6 @@ impl SlamConfig {
 impl Overlap {
     fn edge(&self) -> Edge<Pose2, 3> {
         let (from, to) = (self.from.0.into(), self.to.0.into());
-        let mean = self.believed.retract(&self.step);
-        Edge::new(from, to, mean, self.information, EdgeKind::Closure)
+        Edge::new(from, to, self.from_from_to, self.information, EdgeKind::Closure)
     }
 }

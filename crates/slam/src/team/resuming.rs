@@ -64,7 +64,7 @@ impl Team {
             tracks[usize::from(patch.robot.0)].patches.push(patch.id);
         }
         let map = Map { manifold, surfaces };
-        Team { config, map, tracks, merges, statistics: Statistics::default(), observer }
+        Team { map, tracks, merges, ..Team::observed(config, observer) }
     }
 
     /// Prepares for a robot's log to be mapped once more from its beginning, when only a part of it
