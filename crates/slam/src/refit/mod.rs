@@ -2,7 +2,7 @@
 
 mod breadth_first;
 mod graphs;
-mod grid_pose;
+mod grid;
 mod memory;
 mod overlaps;
 mod relocalise;
@@ -123,10 +123,10 @@ pub(crate) fn optimise_islands(
 const CONTRADICTED_WEIGHT: f64 = 0.15;
 
 /// Places all patches anew from nothing but the relations that hold: every island in the frame of
-/// its first patch, from the fewest relations to each patch, then optimised until nothing moves.
+/// its first patch, from the fewest relations to each patch, then optimised.
 ///
-/// The poses are a function of the relations: how the map came about, what was believed meanwhile
-/// and what has been taken back leaves no trace.
+/// The poses are a function of the relations, the start included: how the map came about, what was
+/// believed meanwhile and what has been taken back leaves no trace.
 pub(crate) fn settle(map: &mut Map, config: &SlamConfig) {
     let islands = map.manifold.component_map();
     let placed = islands.members.par_iter().flat_map_iter(|island| laid_out(map, island[0]));
@@ -220,9 +220,9 @@ impl RefitSettings {
         }
     }
 
-    /// How poses are optimised where the answer must not depend on the start.
+    /// How poses are optimised from far away: until what is left to gain is far below what shows.
     fn strictly(&self) -> Settings {
-        Settings { max_iterations: 100, relative_tolerance: 1e-12, ..self.quickly() }
+        Settings { max_iterations: 100, relative_tolerance: 1e-6, ..self.quickly() }
     }
 }
 

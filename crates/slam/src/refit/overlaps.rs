@@ -1,12 +1,18 @@
-use super::grid_pose::GridPose;
+use super::grid::{Grid, GridPose};
 use crate::SlamConfig;
 use crate::active_submap::lay_field;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
-use geometry::{LieGroup, Matrix3, Pose2};
+use geometry::{LieGroup, Matrix3, Pose2, wrap_angle};
 use manifold::{Islands, Patch, PatchId};
 use matching::{FastMatcher, SurfelField};
 use rayon::prelude::*;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Where overlaps are measured: a twentieth of the roughness of surfaces (`FieldSettings`). The fit
+/// found is next to the same, and a retraction leaves nearly all of them at their places.
+const GRID: Grid = Grid::of(5e-4);
 
 /// How two patches fit at a pose close to the present estimate: the minimum of the quadratic model
 /// of the fit's cost.
@@ -53,7 +59,7 @@ pub(super) fn measure_overlaps(
                     let island = islands.of[patch.id.index()];
                     let others = neighbours_of(patch.id, map, &near, island, distance_m);
                     let known = last.get(patch.id.index()).map_or(&[][..], Vec::as_slice);
-                    measuring.overlaps_of(patch.id, &others, known, scratch)
+                    measuring.overlaps_of(patch.id, others, known, scratch)
                 };
                 block.iter().map(of).collect::<Vec<_>>()
             },
@@ -75,7 +81,7 @@ impl Measuring<'_> {
     fn overlaps_of(
         &self,
         from: PatchId,
-        others: &[(PatchId, Pose2)],
+        others: impl Iterator<Item = (PatchId, Pose2)>,
         known: &[Overlap],
         scratch: &mut SurfelField,
     ) -> Vec<Overlap> {
@@ -87,15 +93,15 @@ impl Measuring<'_> {
             if counting >= settings.overlaps_per_patch {
                 break;
             }
-            let at = GridPose::nearest(believed);
-            let overlap = known.iter().find(|o| o.to == *to && o.at == at).copied();
+            let at = GRID.nearest(&believed);
+            let overlap = known.iter().find(|o| o.to == to && o.at == at).copied();
             let overlap = overlap.unwrap_or_else(|| {
                 if !is_laid {
                     let members = [(from, Pose2::IDENTITY)];
                     lay_field(scratch, self.map, &members, f64::from(settings.reach_m));
                     is_laid = true;
                 }
-                self.measure(from, *to, at, scratch)
+                self.measure(from, to, at, scratch)
             });
             counting += usize::from(overlap.counts);
             overlaps.push(overlap);
@@ -106,7 +112,7 @@ impl Measuring<'_> {
     /// Measures how `to` fits the surfaces of `from`, which are laid in `field`.
     fn measure(&self, from: PatchId, to: PatchId, at: GridPose, field: &SurfelField) -> Overlap {
         let settings = &self.config.refit;
-        let pose = at.pose();
+        let pose = GRID.pose(at);
         let (h, g, share) =
             self.matcher.quadratic(field, self.map.surface(to), &pose, self.kernel_m);
         let sharing = self.config.match_correlation * settings.overlap_sharing;
@@ -128,15 +134,15 @@ fn neighbours_of(
     near: &PatchGrid,
     island: u32,
     radius_m: f64,
-) -> Vec<(PatchId, Pose2)> {
+) -> impl Iterator<Item = (PatchId, Pose2)> {
     let own = map.pose(patch);
-    let mut found: Vec<(f64, PatchId, Pose2)> = near
-        .within(map, island, &own, radius_m)
-        .into_iter()
-        .filter(|&other| other != patch)
-        .map(|other| (other, own.between(&map.pose(other))))
-        .map(|(other, pose)| (pose.norm() + pose.yaw.abs(), other, pose))
-        .collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    found.into_iter().map(|(_, other, pose)| (other, pose)).collect()
+    let apart = move |other: &Pose2| own.distance(other) + wrap_angle(other.yaw - own.yaw).abs();
+    let others = near.around(island, own, radius_m).filter(|(other, _)| *other != patch);
+    // Of many the first few are wanted. Numbers that are not negative order as their bits do.
+    let others = others.map(|(other, pose)| Reverse((apart(pose).to_bits(), *other)));
+    let mut nearest: BinaryHeap<Reverse<(u64, PatchId)>> = others.collect();
+    std::iter::from_fn(move || {
+        let Reverse((_, other)) = nearest.pop()?;
+        Some((other, own.between(&map.pose(other))))
+    })
 }

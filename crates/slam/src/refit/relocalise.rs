@@ -1,5 +1,5 @@
 use super::Memory;
-use super::grid_pose::GridPose;
+use super::grid::{Grid, GridPose};
 use super::smoother::{Knowledge, smooth};
 use crate::SlamConfig;
 use crate::active_submap::lay_field;
@@ -17,6 +17,10 @@ const BEFORE_STD: [f64; 3] = [0.03, 0.03, 0.02];
 const LARGEST_MOVE_M: f64 = 0.3;
 /// Gauss-Newton iterations over the whole trajectory; its starting point is within centimetres.
 const SMOOTHING_ITERATIONS: usize = 3;
+/// Where patches are laid around the first of a group: coarser than overlaps are measured, since
+/// surfaces are averaged over many patches, and all of them must stay at their places for the group
+/// to be the same as before.
+const GRID: Grid = Grid::of(2e-3);
 
 /// Places every scan in the refitted map: each is matched with the patches around it, and each
 /// robot's whole trajectory is then estimated from these matches and the odometry between scans.
@@ -85,7 +89,7 @@ impl Layout {
     ) -> Self {
         let origin = map.pose(group[0]);
         let around = near.within(map, islands.of[group[0].index()], &origin, reach_m);
-        let seen = |patch: PatchId| GridPose::nearest(&origin.between(&map.pose(patch)));
+        let seen = |patch: PatchId| GRID.nearest(&origin.between(&map.pose(patch)));
         let around = around.into_iter().map(|patch| (patch, seen(patch))).collect();
         Layout { group, around }
     }
@@ -97,7 +101,7 @@ impl Layout {
     /// A patch seen from the centre.
     fn pose(&self, patch: PatchId) -> Option<Pose2> {
         let place = self.around.binary_search_by_key(&patch, |(patch, _)| *patch).ok()?;
-        Some(self.around[place].1.pose())
+        Some(GRID.pose(self.around[place].1))
     }
 }
 
@@ -172,7 +176,7 @@ fn place_group(
     config: &SlamConfig,
 ) -> Placed {
     let around: Vec<(PatchId, Pose2)> =
-        layout.around.iter().map(|&(patch, seen)| (patch, seen.pose())).collect();
+        layout.around.iter().map(|&(patch, seen)| (patch, GRID.pose(seen))).collect();
     lay_field(scratch, map, &around, f64::from(config.refit.reach_m));
     let matcher = config.refit_matcher();
     let information = information_before();
