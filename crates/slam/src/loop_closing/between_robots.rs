@@ -1,6 +1,6 @@
 use super::candidates::{Candidate, Candidates, Looks, Query};
 use super::other_robots::OtherRobots;
-use super::{Closure, ClosingStatistics, LoopCloser};
+use super::{ClosingStatistics, Closure, LoopCloser};
 use crate::SlamConfig;
 use crate::map::Map;
 use geometry::Pose2;
@@ -52,8 +52,7 @@ impl BetweenRobots {
             let patch = asked.query.patch;
             found.into_iter().map(move |candidate| (patch, candidate))
         };
-        let pairs: Vec<(PatchId, Candidate)> =
-            queries.iter().zip(found).flat_map(of).collect();
+        let pairs: Vec<(PatchId, Candidate)> = queries.iter().zip(found).flat_map(of).collect();
         let closures = closer.verify_all(&pairs, map);
         closer.finish();
         self.poses = map.manifold.patches().iter().map(|p| p.island_from_patch).collect();

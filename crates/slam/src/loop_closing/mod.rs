@@ -24,9 +24,9 @@ use serde::{Deserialize, Serialize};
 
 pub use statistics::{ClosingStatistics, Rejection};
 
+pub(crate) use between_robots::BetweenRobots;
 pub(crate) use by_landmark::LandmarkCloser;
 pub(crate) use candidates::{Candidate, Query, SearchArea};
-pub(crate) use between_robots::BetweenRobots;
 pub(crate) use signature::{Signature, signature_of};
 pub(crate) use verification::Verifier;
 

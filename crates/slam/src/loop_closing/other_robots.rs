@@ -93,8 +93,8 @@ impl OtherRobots {
             let (a, b) = (self.extents[key], self.extents[*other]);
             let distance = map.pose(self.keys.patch(*other)).distance(&own);
             // What a turn makes of the ways behind it.
-            let turned_m = a.std_rad * (distance + b.radius_m)
-                + belief.covariance[(2, 2)].sqrt() * b.radius_m;
+            let turned_m =
+                a.std_rad * (distance + b.radius_m) + belief.covariance[(2, 2)].sqrt() * b.radius_m;
             let std_m = a.std_m + std_m(belief) + b.std_m + turned_m;
             let reach_m = self.settings.reach_m + self.settings.sigmas * std_m;
             distance - a.radius_m - b.radius_m <= reach_m
