@@ -1,15 +1,25 @@
+use crate::editing::assert_an_interruption_leaves_no_trace;
 use crate::{Scratch, args, names, run};
 use serde_json::Value;
 use std::fs::read;
-use synthetic::{Robot, Storeys, write_carmen};
+use std::ops::Range;
+use std::path::PathBuf;
+use synthetic::{Robot, Run, Storeys, StoreysRun, write_carmen};
+
+/// Writes a part of a drive as a log.
+fn log(scratch: &Scratch, name: &str, driven: &StoreysRun, scans: Range<usize>) -> PathBuf {
+    let Run { plan, truth, observations } = &driven.run;
+    let (truth, observations) = (truth[scans.clone()].to_vec(), observations[scans].to_vec());
+    let mut log = Vec::new();
+    write_carmen(&Run { plan: plan.clone(), truth, observations }, &mut log).unwrap();
+    scratch.file(name, log)
+}
 
 #[test]
 fn every_level_has_a_map_of_its_own() {
     let scratch = Scratch::new("levels");
     let driven = Storeys::default().record(&Robot::default(), 1);
-    let mut log = Vec::new();
-    write_carmen(&driven.run, &mut log).unwrap();
-    let log = scratch.file("storeys.clf", log);
+    let log = log(&scratch, "storeys.clf", &driven, 0..driven.run.truth.len());
     let ran = run(args!["map", log, "-o", scratch.at("out")]);
     assert_eq!(ran.code, 0, "{}", ran.err);
     let files = names(&scratch.at("out"));
@@ -39,4 +49,18 @@ fn a_log_of_flat_ground_tells_no_levels() {
         serde_json::from_slice(&read(scratch.at("out/metrics.json")).unwrap()).unwrap();
     assert_eq!(metrics["islands"][0].get("levels"), None);
     assert!(names(&scratch.at("out")).contains(&"map.pgm".into()));
+}
+
+/// Scans of a leaning robot that are kept in the manifold file are levelled again as they were.
+#[test]
+fn an_interrupted_run_through_storeys_goes_on_to_the_same_map() {
+    let scratch = Scratch::new("interrupted-storeys");
+    let driven = Storeys::default().record(&Robot::default(), 1);
+    let scans = driven.run.truth.len();
+    let logs = [
+        log(&scratch, "up.clf", &driven, 0..7 * scans / 10),
+        log(&scratch, "down.clf", &driven, scans / 2..scans),
+    ];
+    assert_an_interruption_leaves_no_trace(&scratch, &logs);
+    assert!(names(&scratch.at("out")).contains(&"map-level-1.png".into()), "one map of two levels");
 }
