@@ -1,4 +1,5 @@
 use manifold::{Manifold, PatchId};
+use slam::Merge;
 use std::cmp::Reverse;
 
 /// Robots that a title names; of more it tells the number.
@@ -48,6 +49,15 @@ impl IslandList {
     /// The index of a patch's island; `None` for a patch that is left out.
     pub fn index(&self, patch: PatchId) -> Option<usize> {
         self.of[patch.index()]
+    }
+
+    /// Those merges of which a relation leads from one patch that is not left out to another.
+    pub fn merges(&self, manifold: &Manifold, merges: &[Merge]) -> Vec<Merge> {
+        let is_drawn = |merge: &&Merge| {
+            let mut relations = merge.relations.iter().map(|id| manifold.relation(*id));
+            relations.any(|r| self.index(r.from).is_some() && self.index(r.to).is_some())
+        };
+        merges.iter().filter(is_drawn).cloned().collect()
     }
 }
 

@@ -144,7 +144,7 @@ impl Metrics {
             logs,
             failures: mapped.failures.clone(),
             islands: IslandMetrics::of(mapped, frames),
-            merges: mapped.team.merges().to_vec(),
+            merges: mapped.islands.merges(mapped.team.manifold(), mapped.team.merges()),
             times_secs: times,
             times_real_time: duration_secs / after.total.as_secs_f64().max(1e-9),
             threads: rayon::current_num_threads(),
@@ -235,7 +235,7 @@ impl LogMetrics {
             file: file.display().to_string(),
             facts: robot.facts.clone(),
             patches: robot.patch_scans.len(),
-            path_m: tracks().map(length).sum(),
+            path_m: tracks().map(length).fold(0.0, |sum, length| sum + length),
             islands: islands.into_iter().collect(),
             trajectories: trajectories.collect(),
             bad_data: BadData::of(robot, mapped.team.bad_stretches(id)),
@@ -244,11 +244,12 @@ impl LogMetrics {
 
     fn to_text(&self) -> String {
         let mut text = format!(
-            "{}: {}, {:.0} m, {:.0} s of log\n",
+            "{}: {}, {:.0} m, {:.0} s of log{}\n",
             self.file,
             counted(self.facts.scans, "scan"),
             self.path_m,
             self.facts.duration_secs,
+            if self.islands.is_empty() { ", left out of the map" } else { "" },
         );
         if self.facts.is_lossy() {
             let dropped = counted(self.facts.dropped_lines, "dropped line");

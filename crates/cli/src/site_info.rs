@@ -1,13 +1,14 @@
 //! What is in a manifold file, in figures.
 
+use crate::islands::{Island, IslandList};
 use crate::mapping::MERGES;
 use crate::metrics::merge_text;
 use crate::terminal::{counted, grouped};
-use manifold::{Manifold, PatchId, Provenance, Relation, RelationState, Retraction};
+use manifold::{Manifold, Provenance, Relation, RelationState, Retraction};
 use sensing::LandmarkKind;
 use serde::Serialize;
 use slam::Merge;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 use store::{RobotLog, SiteFile, StepSummary, provenance_name};
@@ -33,6 +34,8 @@ pub struct SiteInfo {
     metadata: BTreeMap<String, String>,
     robots: Vec<RobotInfo>,
     islands: Vec<IslandInfo>,
+    /// Those that the last run made or considered.
+    merges: Vec<Merge>,
     /// By provenance.
     relations: BTreeMap<&'static str, RelationCounts>,
     provisional: Vec<RelationInfo>,
@@ -66,7 +69,8 @@ struct LogInfo {
 
 #[derive(Serialize)]
 struct IslandInfo {
-    first_patch: u32,
+    /// From 1, the largest first, as [`IslandList`] has them.
+    island: usize,
     patches: usize,
     robots: Vec<String>,
     levels: Vec<LevelInfo>,
@@ -146,6 +150,7 @@ impl SiteInfo {
         let (site, map) = (&read.site, &read.site.manifold);
         let versions: BTreeMap<i64, String> = read.versions.iter().cloned().collect();
         let provisional = map.relations().iter().filter(|r| r.state == RelationState::Provisional);
+        let islands = IslandList::of(map);
         let mut sightings = BTreeMap::new();
         for seen in map.sightings() {
             *sightings.entry(kind_name(seen.sighting.kind)).or_default() += 1;
@@ -159,7 +164,8 @@ impl SiteInfo {
             steps: site.steps.len(),
             metadata: site.metadata.clone(),
             robots: robots(read),
-            islands: map.islands().iter().map(|island| IslandInfo::new(map, island)).collect(),
+            islands: IslandInfo::all(map, &islands),
+            merges: islands.merges(map, &merges(&site.metadata)),
             relations: relation_counts(map),
             provisional: provisional.map(|r| RelationInfo::new(map, r)).collect(),
             ways: map.ways().len(),
@@ -168,12 +174,6 @@ impl SiteInfo {
             listed: None,
             findings: None,
         }
-    }
-
-    /// Merges that the last run made or considered.
-    fn merges(&self) -> Vec<Merge> {
-        let merges = self.metadata.get(MERGES);
-        merges.and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default()
     }
 
     /// For people.
@@ -196,8 +196,8 @@ impl SiteInfo {
         }
         self.robots.iter().for_each(|robot| line(robot.to_text()));
         self.islands.iter().for_each(|island| line(island.to_text()));
-        for merge in self.merges() {
-            line(merge_text(&merge));
+        for merge in &self.merges {
+            line(merge_text(merge));
         }
         for (provenance, counts) in &self.relations {
             line(format!(
@@ -223,6 +223,10 @@ impl SiteInfo {
         }
         text
     }
+}
+
+fn merges(metadata: &BTreeMap<String, String>) -> Vec<Merge> {
+    metadata.get(MERGES).and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default()
 }
 
 fn robots(read: &SiteFile) -> Vec<RobotInfo> {
@@ -275,23 +279,25 @@ impl RobotInfo {
 }
 
 impl IslandInfo {
-    fn new(map: &Manifold, island: &[PatchId]) -> Self {
-        let robots: BTreeSet<_> = island.iter().map(|id| map.patch(*id).robot).collect();
-        let named = map.robots().iter().filter(|robot| robots.contains(&robot.id));
-        let heights =
-            island.iter().filter_map(|id| map.patch(*id).elevation).map(|e| e.height_m).collect();
+    fn all(map: &Manifold, islands: &IslandList) -> Vec<Self> {
+        let numbered = islands.islands.iter().enumerate();
+        numbered.map(|(k, island)| IslandInfo::new(map, k + 1, island)).collect()
+    }
+
+    fn new(map: &Manifold, number: usize, island: &Island) -> Self {
+        let elevations = island.patches.iter().filter_map(|id| map.patch(*id).elevation);
         IslandInfo {
-            first_patch: island[0].0,
-            patches: island.len(),
-            robots: named.map(|robot| robot.name.to_string()).collect(),
-            levels: levels(heights),
+            island: number,
+            patches: island.patches.len(),
+            robots: island.robots.clone(),
+            levels: levels(elevations.map(|e| e.height_m).collect()),
         }
     }
 
     fn to_text(&self) -> String {
         let mut text = format!(
             "island {}: {} of {}",
-            self.first_patch,
+            self.island,
             patches(self.patches),
             self.robots.join(", ")
         );

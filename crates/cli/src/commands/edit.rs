@@ -1,5 +1,6 @@
 use crate::Outcome;
 use crate::args::{EditArgs, Global};
+use crate::islands::IslandList;
 use crate::mapping::{MappedTeam, MappingTimes, StageClock, keep_result, resume, stored_config};
 use crate::result::{figures, write_result};
 use crate::result_folder::result_folder_of;
@@ -22,7 +23,7 @@ pub fn run(args: &EditArgs, global: &Global) -> Result<Outcome> {
     let edits = Edits::of(args, &store.site().manifold)?;
     let clock = StageClock::default();
     let (mut team, robots) = resume(store.site(), config.slam, Box::new(clock.clone()));
-    let before = team.manifold().islands().len();
+    let before = IslandList::of(team.manifold()).islands.len();
     let note = edits.perform(&mut team);
     team.rebuild();
     let writer = SiteWriter::start(store)?;
@@ -33,7 +34,7 @@ pub fn run(args: &EditArgs, global: &Global) -> Result<Outcome> {
         Some(folder) => write_result(folder, &mapped, &config, start, writer)?,
         None => figures(&mapped, &config, start, writer)?,
     };
-    let after = mapped.team.manifold().islands().len();
+    let after = mapped.islands.islands.len();
     let islands = match after == before {
         true => counted(after as u64, "island"),
         false => format!("{before} -> {}", counted(after as u64, "island")),

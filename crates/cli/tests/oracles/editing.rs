@@ -114,7 +114,11 @@ fn a_robot_left_out_is_not_drawn_and_comes_back() {
     let out = scratch.at("out");
     assert_eq!(map(&logs, &out, &["--quiet"]).code, 0);
     let (whole, site) = (read(out.join("map.pgm")).unwrap(), out.join("site.manifold"));
-    assert_eq!(run(args!["edit", &site, "--leave-out", "walk-2", "--quiet"]).code, 0);
+    let ran = run(args!["edit", &site, "--leave-out", "walk-2"]);
+    assert_eq!(ran.code, 0);
+    let told = ["left out of the map", "island 1: walk-1 ("];
+    assert!(told.iter().all(|part| ran.out.contains(part)), "{}", ran.out);
+    assert!(!ran.out.contains("merged;"), "{}", ran.out);
     assert!(read(out.join("map.pgm")).unwrap() != whole);
     let out_now = stored(&out).manifold.patches().iter().filter(|p| p.left_out).count();
     assert!(out_now > 0);

@@ -64,7 +64,7 @@ fn info_tells_what_is_in_a_manifold_file() {
     for part in [
         "robot 0 (anna): 3 patches",
         "log bert.clf, joined 2023-11-14 22:13:20 UTC",
-        "island 3: 3 patches of bert",
+        "island 2: 3 patches of bert",
         "relations, sequential: 4 active",
         "merge 4, provisional: patches 2 of anna and 3 of bert",
         "step 0, 1970-01-01 00:00:00 UTC: two: 13 changes",
