@@ -220,8 +220,8 @@ pub struct RenderArgs {
     /// Draw only this level of the map, 0 the lowest
     #[arg(long, value_name = "K")]
     pub level: Option<usize>,
-    /// Image to write; a map of several levels is drawn level by level, OUT-level-0.png and so on, and
-    /// OUT.png is a sheet of all
+    /// Image to write; of several levels each is drawn, as OUT-level-0.png and so on, and OUT.png
+    /// is a sheet of all
     #[arg(long, short, value_name = "OUT")]
     pub output: PathBuf,
     /// Side of a cell, metres [default: as configured]

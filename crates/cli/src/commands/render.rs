@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 pub fn run(args: &RenderArgs, global: &Global) -> Result<Outcome> {
     let format = Format::of(&args.output)?;
     let source = Source::find(args)?;
-    let mut config = source.config.clone();
+    let mut config = source.config;
     config.map.resolution_m = args.resolution.unwrap_or(config.map.resolution_m);
     let output = PendingFile::create(&args.output)?;
     let views: Vec<ScanView> = source.scans.iter().map(PlacedScan::view).collect();
