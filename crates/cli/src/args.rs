@@ -217,7 +217,11 @@ pub struct RenderArgs {
     /// Which of the maps to draw, largest first
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub island: u32,
-    /// Image to write
+    /// Draw only this level of the map, 0 the lowest
+    #[arg(long, value_name = "K")]
+    pub level: Option<usize>,
+    /// Image to write; of several levels each is drawn, as OUT-level-0.png and so on, and OUT.png
+    /// is a sheet of all
     #[arg(long, short, value_name = "OUT")]
     pub output: PathBuf,
     /// Side of a cell, metres [default: as configured]

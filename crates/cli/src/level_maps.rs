@@ -1,19 +1,19 @@
 use crate::config::Config;
-use crate::drawing::patch_views;
 use crate::islands::map_file;
 use crate::mapping::MappedTeam;
 use crate::result::Drawn;
 use crate::result_folder::ResultFolder;
 use anyhow::Result;
 use geometry::Pose2;
-use manifold::{GroundKind, Levels, Manifold, PatchId};
+use manifold::{GroundKind, Levels, Manifold, Patch, PatchId};
 use rendering::{
     Annotations, GridFrame, HitMissCounts, OccupancyGrid, ScanView, Trajectory, contact_sheet_png,
     map_png, ros_map_pgm, ros_map_yaml,
 };
-use sensing::RobotId;
+use sensing::Scan;
 use serde::Serialize;
 use slam::KnownGround;
+use std::sync::Arc;
 
 /// A level of an island as it is drawn; all levels of an island have the same frame.
 pub struct LevelMap {
@@ -24,7 +24,7 @@ pub struct LevelMap {
     /// Its patches, those of ramps nearest in height included.
     pub patches: Vec<Pose2>,
     /// Robots' paths on it.
-    paths: Vec<Vec<Pose2>>,
+    pub paths: Vec<Vec<Pose2>>,
 }
 
 /// A level in the figures.
@@ -58,61 +58,77 @@ impl LevelMetrics {
     }
 }
 
+/// A scan where it was taken.
+pub struct PlacedScan {
+    /// The patch that it hangs on.
+    pub patch: PatchId,
+    /// Its laser.
+    pub map_from_laser: Pose2,
+    /// What it shows.
+    pub scan: Arc<Scan>,
+}
+
+impl PlacedScan {
+    /// As it is cast into a grid.
+    pub fn view(&self) -> ScanView<'_> {
+        ScanView { map_from_laser: self.map_from_laser, scan: &self.scan }
+    }
+}
+
+/// A robot's path: where it was, and the patch that this hangs on.
+pub type HangingPath = Vec<(PatchId, Pose2)>;
+
+/// The scans of patches without what they saw of the ground; patches that are left out are not
+/// drawn.
+pub fn walls_of(manifold: &Manifold, patches: &[PatchId], config: &Config) -> Vec<PlacedScan> {
+    let ground = KnownGround::new(manifold, &config.slam.elevation);
+    let patches = patches.iter().map(|id| manifold.patch(*id)).filter(|patch| !patch.left_out);
+    let wall = |patch: &Patch| PlacedScan {
+        patch: patch.id,
+        map_from_laser: patch.island_from_patch * patch.base_from_laser,
+        scan: ground.walls_of(patch.id),
+    };
+    patches.map(wall).collect()
+}
+
 impl LevelMap {
-    /// The levels of an island in a frame, the lowest first; none where there is only one.
-    pub fn of_island(
-        mapped: &MappedTeam,
-        island: usize,
+    /// Draws the levels of an island in a frame, the lowest first.
+    pub fn of_levels(
+        manifold: &Manifold,
+        levels: &Levels,
+        scans: &[PlacedScan],
+        paths: &[HangingPath],
         frame: &GridFrame,
         config: &Config,
     ) -> Result<Vec<Self>> {
-        let manifold = mapped.team.manifold();
-        let levels = manifold.levels(&mapped.islands.islands[island].patches);
-        if levels.heights_m.len() < 2 {
-            return Ok(Vec::new());
-        }
-        let ground = KnownGround::new(manifold, &config.slam.elevation);
         let draw = |(k, height_m): (usize, &f64)| {
-            let patches: Vec<PatchId> = levels.patches(k).collect();
-            let scans: Vec<_> = patches.iter().map(|id| ground.walls_of(*id)).collect();
-            let views: Vec<ScanView> = patch_views(manifold, &patches)
-                .into_iter()
-                .zip(&scans)
-                .map(|(view, scan)| ScanView { scan, ..view })
-                .collect();
+            let is_here = |patch: PatchId| levels.of(patch).is_some_and(|m| m.level == k);
+            let views: Vec<ScanView> =
+                scans.iter().filter(|placed| is_here(placed.patch)).map(PlacedScan::view).collect();
             let counts = HitMissCounts::cast(*frame, &views, &config.map.cast)?;
-            let pose = |id: &PatchId| manifold.patch(*id).island_from_patch;
+            let poses_here = |path: &HangingPath| {
+                path.iter().filter(|(patch, _)| is_here(*patch)).map(|(_, pose)| *pose).collect()
+            };
+            let pose = |id: PatchId| manifold.patch(id).island_from_patch;
             Ok(LevelMap {
                 title: format!("level {k}: {:.1} m", height_m + 0.0),
                 grid: OccupancyGrid::decide(&counts, &config.map.rule),
-                patches: patches.iter().map(pose).collect(),
-                paths: paths_on(mapped, &levels, k),
+                patches: levels.patches(k).map(pose).collect(),
+                paths: paths.iter().map(poses_here).collect(),
             })
         };
         levels.heights_m.iter().enumerate().map(draw).collect()
     }
 
-    /// The paths with the robots' names.
-    pub fn trajectories<'a>(&'a self, mapped: &'a MappedTeam) -> Vec<Trajectory<'a>> {
-        let robots = mapped.robots.iter().zip(&self.paths);
-        robots.map(|(robot, poses)| Trajectory { name: &robot.name, poses }).collect()
+    /// The paths with the robots' names; empty ones keep the colours apart.
+    pub fn trajectories<'a>(&'a self, names: &[&'a str]) -> Vec<Trajectory<'a>> {
+        names.iter().zip(&self.paths).map(|(name, poses)| Trajectory { name, poses }).collect()
     }
 
     /// What is drawn on the map.
     pub fn annotations<'a>(&'a self, trajectories: &'a [Trajectory]) -> Annotations<'a> {
         Annotations { title: Some(&self.title), trajectories, ..Annotations::default() }
     }
-}
-
-/// Each robot's path on a level; empty for robots that are not on it.
-fn paths_on(mapped: &MappedTeam, levels: &Levels, level: usize) -> Vec<Vec<Pose2>> {
-    let path = |(k, poses): (usize, &Vec<Pose2>)| {
-        let scans = mapped.team.scan_poses(RobotId(k as u16)).zip(poses);
-        let here =
-            scans.filter(|(scan, _)| levels.of(scan.patch).is_some_and(|m| m.level == level));
-        here.map(|(_, pose)| *pose).collect()
-    };
-    mapped.poses.iter().enumerate().map(path).collect()
 }
 
 /// Writes the maps of an island's levels, and in place of the island's own image a sheet of all.
@@ -123,7 +139,7 @@ pub fn write_levels(
     island: usize,
 ) -> Result<()> {
     let trajectories: Vec<Vec<Trajectory>> =
-        drawn.levels.iter().map(|level| level.trajectories(mapped)).collect();
+        drawn.levels.iter().map(|level| level.trajectories(&mapped.names())).collect();
     let mut sheet = Vec::new();
     for (k, (level, trajectories)) in drawn.levels.iter().zip(&trajectories).enumerate() {
         let annotations = level.annotations(trajectories);
@@ -137,9 +153,17 @@ pub fn write_levels(
     folder.write(&map_file(island, "png"), &contact_sheet_png(&sheet)?)
 }
 
+/// A file's name with the number of a level before its ending.
+pub fn of_level(file: &str, level: usize) -> String {
+    match file.rsplit_once('.') {
+        Some((stem, ending)) => format!("{stem}-level-{level}.{ending}"),
+        None => format!("{file}-level-{level}"),
+    }
+}
+
 /// The file of a level's map: `map-level-0.png`, on the second island `map-2-level-0.png`.
 fn level_file(island: usize, level: usize, ending: &str) -> String {
-    map_file(island, ending).replace(&format!(".{ending}"), &format!("-level-{level}.{ending}"))
+    of_level(&map_file(island, ending), level)
 }
 
 #[cfg(test)]
@@ -150,5 +174,6 @@ mod tests {
     fn every_level_has_a_file_of_its_own() {
         assert_eq!(level_file(0, 0, "png"), "map-level-0.png");
         assert_eq!(level_file(1, 2, "pgm"), "map-2-level-2.pgm");
+        assert_eq!(of_level("house.pgm.png", 1), "house.pgm-level-1.png");
     }
 }

@@ -22,7 +22,7 @@ pub fn report(
             report.heading(&format!("Island {}: {}", k + 1, island.title));
         }
         for level in &island.levels {
-            let trajectories = level.trajectories(mapped);
+            let trajectories = level.trajectories(&mapped.names());
             let annotations = level.annotations(&trajectories);
             report.map(&level.grid, &Annotations { patches: &level.patches, ..annotations })?;
         }

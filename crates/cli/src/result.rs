@@ -2,7 +2,7 @@ use crate::config::Config;
 use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
 use crate::islands::{map_file, title};
 use crate::landmarks::{MappedLandmark, landmark_marks, landmarks_csv, landmarks_of};
-use crate::level_maps::{LevelMap, write_levels};
+use crate::level_maps::{LevelMap, walls_of, write_levels};
 use crate::mapping::{MappedTeam, pose_graph};
 use crate::metrics::{Afterwards, Metrics};
 use crate::report::report;
@@ -46,11 +46,19 @@ impl Drawn {
         let views = patch_views(manifold, &members.patches);
         let pose = |id: &manifold::PatchId| manifold.patch(*id).island_from_patch;
         let grid = occupancy_that_fits(&views, config.map)?;
+        let levels = match manifold.levels(&members.patches) {
+            levels if levels.heights_m.len() < 2 => Vec::new(),
+            levels => {
+                let walls = walls_of(manifold, &members.patches, config);
+                let paths = mapped.hanging_paths_on(island);
+                LevelMap::of_levels(manifold, &levels, &walls, &paths, grid.frame(), config)?
+            }
+        };
         let mut marks = closure_marks(manifold, &mapped.islands, island);
         marks.extend(landmark_marks(landmarks, island));
         Ok(Drawn {
             title: title(&members.robots),
-            levels: LevelMap::of_island(mapped, island, grid.frame(), config)?,
+            levels,
             grid,
             paths: mapped.paths_on(island),
             patches: members.patches.iter().map(pose).collect(),

@@ -1,3 +1,4 @@
+use crate::SlamConfig;
 use crate::elevation::{ElevationSettings, climbed, raw_slope, slope};
 use crate::map::faces;
 use crate::unit_bias::UnitBias;
@@ -35,6 +36,28 @@ pub(crate) struct Climbing {
     /// Odometry as read, and what it is on the plan.
     odometry: Option<(Pose2, Pose2)>,
     since_patch: Option<Climb>,
+}
+
+/// Puts the scans of a robot's log on the plan as its mapper did: for drawing scans that were kept.
+#[derive(Clone, Debug)]
+pub struct Leveller {
+    climbing: Climbing,
+    config: SlamConfig,
+}
+
+impl Leveller {
+    /// Before the first scan of a log.
+    pub fn new(config: &SlamConfig) -> Self {
+        Leveller { climbing: Climbing::new(config.elevation), config: *config }
+    }
+
+    /// Takes the next scan of the log; false for one of a base that leans too far to show walls.
+    /// Without attitude an observation stays what it is.
+    pub fn level(&mut self, observation: &mut Observation) -> bool {
+        observation.odom_from_base = self.config.usable_odometry(observation.odom_from_base);
+        self.climbing.level_odometry(observation);
+        self.climbing.level(observation, &mut Vec::new()) == Stance::Upright
+    }
 }
 
 /// How the base stands.

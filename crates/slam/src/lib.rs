@@ -29,6 +29,7 @@ mod team;
 mod track;
 mod unit_bias;
 
+pub use climbing::Leveller;
 pub use config::{ExtensionSettings, RelationFloor, SlamConfig};
 pub use elevation::{ElevationSettings, KnownGround};
 pub use event::{Event, Stage, StageObserver, Unobserved};

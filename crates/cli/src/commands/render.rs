@@ -1,29 +1,21 @@
+mod source;
+
 use crate::Outcome;
 use crate::args::{Global, RenderArgs};
 use crate::atomic::PendingFile;
 use crate::config::Config;
 use crate::drawing::occupancy;
-use crate::islands::{Island, IslandList, title};
-use crate::mapping::{bad_stretches, read_options, stored_config};
-use crate::reading::Reading;
-use crate::result_folder::SITE;
+use crate::islands::title;
+use crate::level_maps::{LevelMap, PlacedScan, of_level};
 use crate::terminal::{counted, print};
-use crate::tracks::is_bad;
 use anyhow::{Result, bail};
-use geometry::{Pose2, wrap_angle};
-use logs::{LogFile, open_tum};
-use manifold::Robot;
+use geometry::Pose2;
 use rendering::{
-    Annotations, OccupancyGrid, ScanView, Trajectory, map_png, map_svg, ros_map_pgm, ros_map_yaml,
+    Annotations, GridFrame, OccupancyGrid, ScanView, Trajectory, contact_sheet_png, map_png,
+    map_svg, ros_map_pgm, ros_map_yaml,
 };
-use sensing::Scan;
-use std::path::Path;
-use std::sync::Arc;
-use store::TrackedScan;
-
-/// Scans closer than this to the one drawn before add nothing, metres and radians.
-const APART_M: f64 = 0.1;
-const APART_RAD: f64 = 0.1;
+use source::{IslandLevels, Source};
+use std::path::{Path, PathBuf};
 
 /// Draws a map again.
 pub fn run(args: &RenderArgs, global: &Global) -> Result<Outcome> {
@@ -32,37 +24,52 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<Outcome> {
     let mut config = source.config;
     config.map.resolution_m = args.resolution.unwrap_or(config.map.resolution_m);
     let output = PendingFile::create(&args.output)?;
-    let yaml_path = args.output.with_extension("yaml");
-    let yaml = match format {
-        Format::Pgm => Some(PendingFile::create(&yaml_path)?),
-        _ => None,
-    };
-    let views: Vec<ScanView> = source
-        .scans
-        .iter()
-        .map(|(map_from_laser, scan)| ScanView { map_from_laser: *map_from_laser, scan })
-        .collect();
+    let views: Vec<ScanView> = source.scans.iter().map(PlacedScan::view).collect();
     let grid = occupancy(&views, &config.map, args.crop.as_ref())?;
-    output.commit(&draw(&grid, format, &source, args)?)?;
-    if let Some(yaml) = yaml {
-        let image = args.output.file_name().unwrap_or_default().to_string_lossy();
-        yaml.commit(ros_map_yaml(&grid, &image).as_bytes())?;
-    }
-    let frame = grid.frame();
-    let summary = serde_json::json!({
-        "image": args.output, "scans": views.len(), "resolution_m": frame.resolution_m,
-        "cells": [frame.width, frame.height],
-    });
-    let text = format!(
-        "{}: {} x {} cells of {} m from {}",
-        args.output.display(),
-        frame.width,
-        frame.height,
-        frame.resolution_m,
-        counted(views.len() as u64, "scan"),
-    );
-    print(global, &text, &summary)?;
+    let frame = *grid.frame();
+    let images = match &source.levels {
+        Some(levels) => levels_drawn(levels, &source, &frame, &config, args)?,
+        None if args.level.is_some_and(|level| level > 0) => bail!("the map has one level, 0"),
+        None => vec![Image::whole(grid, &source, args)],
+    };
+    drop(output);
+    write(&images, format, args)?;
+    tell(&images, &frame, source.scans.len(), args, global)?;
     Ok(if source.lossy { Outcome::DataLost } else { Outcome::Fine })
+}
+
+/// A map to draw.
+struct Image {
+    file: PathBuf,
+    title: String,
+    grid: OccupancyGrid,
+    paths: Vec<(String, Vec<Pose2>)>,
+}
+
+impl Image {
+    /// All of an island.
+    fn whole(grid: OccupancyGrid, source: &Source, args: &RenderArgs) -> Self {
+        let poses = source.paths.iter().map(|path| path.iter().map(|(_, pose)| *pose).collect());
+        let paths = source.names.iter().cloned().zip(poses).collect();
+        Image { file: args.output.clone(), title: title(&source.names), grid, paths }
+    }
+}
+
+impl Image {
+    fn trajectories(&self) -> Vec<Trajectory<'_>> {
+        self.paths.iter().map(|(name, poses)| Trajectory { name, poses }).collect()
+    }
+
+    fn annotations<'a>(&'a self, paths: &'a [Trajectory], args: &RenderArgs) -> Annotations<'a> {
+        let north_arrow = args.north;
+        if args.bare {
+            let zoom = Some(1);
+            let bare = Annotations { scale_bar: false, legend: false, ..Annotations::default() };
+            return Annotations { zoom, north_arrow, ..bare };
+        }
+        let title = Some(&*self.title);
+        Annotations { title, trajectories: paths, north_arrow, ..Annotations::default() }
+    }
 }
 
 /// Kinds of images.
@@ -84,138 +91,89 @@ impl Format {
     }
 }
 
-fn draw(
-    grid: &OccupancyGrid,
-    format: Format,
+/// The levels of an island, or the one that is wanted.
+fn levels_drawn(
+    island: &IslandLevels,
     source: &Source,
+    frame: &GridFrame,
+    config: &Config,
     args: &RenderArgs,
-) -> Result<Vec<u8>> {
-    let path: Vec<Trajectory> =
-        source.paths.iter().map(|(name, poses)| Trajectory { name, poses }).collect();
-    let heading = source.title();
-    let bare = Annotations {
-        scale_bar: false,
-        legend: false,
-        zoom: Some(1),
-        north_arrow: args.north,
-        ..Annotations::default()
-    };
-    let full = Annotations {
-        title: Some(&heading),
-        trajectories: &path,
-        north_arrow: args.north,
-        ..Annotations::default()
-    };
-    let annotations = if args.bare { bare } else { full };
-    Ok(match format {
-        Format::Png => map_png(grid, &annotations)?,
-        Format::Pgm => ros_map_pgm(grid),
-        Format::Svg => map_svg(grid, &annotations, 0.5 * grid.frame().resolution_m).into_bytes(),
-    })
-}
-
-/// What there is to draw.
-struct Source {
-    /// The robots' paths, by name.
-    paths: Vec<(String, Vec<Pose2>)>,
-    /// Scans with their lasers' poses.
-    scans: Vec<(Pose2, Arc<Scan>)>,
-    config: Config,
-    /// Some of the log could not be read.
-    lossy: bool,
-}
-
-impl Source {
-    fn find(args: &RenderArgs) -> Result<Self> {
-        if args.source.is_dir() {
-            if !args.log.is_empty() {
-                bail!("a result folder holds its scans itself; --log belongs to a trajectory");
-            }
-            return Self::of_site(&args.source.join(SITE), args);
-        }
-        match &args.log[..] {
-            [] => Self::of_site(&args.source, args),
-            [log] => Self::of_trajectory(&args.source, log, args.all_scans),
-            _ => bail!("a trajectory is drawn with one log, its own"),
-        }
+) -> Result<Vec<Image>> {
+    let IslandLevels { manifold, levels, walls } = island;
+    let count = levels.heights_m.len();
+    if let Some(level) = args.level.filter(|&level| level >= count) {
+        bail!("there is no level {level}: the map has {count}, 0 the lowest");
     }
+    let scans = if args.all_scans { &source.scans } else { walls };
+    let maps = LevelMap::of_levels(manifold, levels, scans, &source.paths, frame, config)?;
+    let wanted =
+        maps.into_iter().enumerate().filter(|(k, _)| args.level.is_none_or(|level| level == *k));
+    let image = |(k, map): (usize, LevelMap)| Image {
+        file: match args.level {
+            Some(_) => args.output.clone(),
+            None => {
+                let name = args.output.file_name().unwrap_or_default().to_string_lossy();
+                args.output.with_file_name(of_level(&name, k))
+            }
+        },
+        paths: source.names.iter().cloned().zip(map.paths).collect(),
+        title: map.title,
+        grid: map.grid,
+    };
+    Ok(wanted.map(image).collect())
+}
 
-    /// An island of a manifold file.
-    fn of_site(file: &Path, args: &RenderArgs) -> Result<Self> {
-        let site = store::read(file)?.site;
-        let config = stored_config(&site)?.unwrap_or_default();
-        let islands = IslandList::of(&site.manifold);
-        let island = args.island as usize - 1;
-        let Some(Island { patches, robots }) = islands.islands.get(island) else {
-            bail!("{}: has {}", file.display(), counted(islands.islands.len() as u64, "island"));
+/// Writes the images; several PNGs have a sheet of all under the name that was asked for.
+fn write(images: &[Image], format: Format, args: &RenderArgs) -> Result<()> {
+    let trajectories: Vec<Vec<Trajectory>> = images.iter().map(Image::trajectories).collect();
+    let drawn: Vec<(&OccupancyGrid, Annotations)> = images
+        .iter()
+        .zip(&trajectories)
+        .map(|(image, paths)| (&image.grid, image.annotations(paths, args)))
+        .collect();
+    for (image, (grid, annotations)) in images.iter().zip(&drawn) {
+        let content = match format {
+            Format::Png => map_png(grid, annotations)?,
+            Format::Pgm => ros_map_pgm(grid),
+            Format::Svg => map_svg(grid, annotations, 0.5 * grid.frame().resolution_m).into_bytes(),
         };
-        let (mut paths, mut scans) = (Vec::new(), Vec::new());
-        let drawn = |robot: &&Robot| robots.iter().any(|name| **name == *robot.name);
-        for robot in site.manifold.robots().iter().filter(drawn) {
-            let bad = bad_stretches(&site, robot.id);
-            let tracked =
-                site.trajectories[usize::from(robot.id.0)].iter().zip(site.poses(robot.id));
-            let is_here = |(k, (scan, _)): &(usize, (&TrackedScan, Pose2))| {
-                islands.index(scan.patch) == Some(island) && !is_bad(&bad, *k)
-            };
-            let here: Vec<(usize, Pose2)> =
-                tracked.enumerate().filter(is_here).map(|(k, (_, pose))| (k, pose)).collect();
-            if args.all_scans {
-                let taken = site.taken(robot.id);
-                scans.extend(here.iter().filter_map(|(k, pose)| {
-                    let taken = taken[*k].as_ref()?;
-                    Some((*pose * taken.base_from_laser, taken.scan.clone()?))
-                }));
-            }
-            paths.push((robot.name.to_string(), here.into_iter().map(|(_, pose)| pose).collect()));
+        PendingFile::create(&image.file)?.commit(&content)?;
+        if format == Format::Pgm {
+            let name = image.file.file_name().unwrap_or_default().to_string_lossy();
+            let yaml = ros_map_yaml(grid, &name);
+            PendingFile::create(&image.file.with_extension("yaml"))?.commit(yaml.as_bytes())?;
         }
-        if !args.all_scans {
-            let patches = patches.iter().map(|id| site.manifold.patch(*id)).filter(|p| !p.left_out);
-            scans.extend(patches.map(|patch| {
-                (patch.island_from_patch * patch.base_from_laser, Arc::clone(&patch.scan))
-            }));
-        }
-        Ok(Source { paths, scans, config, lossy: false })
     }
-
-    /// A trajectory with its log.
-    fn of_trajectory(tum: &Path, log: &Path, all: bool) -> Result<Self> {
-        let name = tum.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let (poses, config) = (open_tum(tum)?, Config::default());
-        let file = LogFile::open(log)?;
-        let reading = Reading::of_file(file, log, read_options(&config), |record, _| record)?;
-        let (mut scans, mut last, mut count) = (Vec::new(), None, 0);
-        for (i, record) in reading.records().enumerate() {
-            count = i + 1;
-            let Some(pose) = poses.get(i).filter(|p| p.stamp_text == record.stamp_text) else {
-                bail!(
-                    "{}, line {}: this scan is not in the trajectory",
-                    log.display(),
-                    record.line
-                );
-            };
-            if all || is_apart(last, &pose.pose) {
-                last = Some(pose.pose);
-                let seen = record.observation;
-                scans.push((pose.pose * seen.base_from_laser, Arc::new(seen.scan)));
-            }
-        }
-        if count != poses.len() {
-            bail!("{} has {count} scans, the trajectory {}", log.display(), poses.len());
-        }
-        let paths = vec![(name, poses.iter().map(|scan| scan.pose).collect())];
-        Ok(Source { paths, scans, config, lossy: reading.finish()?.0.is_lossy() })
+    if format == Format::Png && images.len() > 1 {
+        PendingFile::create(&args.output)?.commit(&contact_sheet_png(&drawn)?)?;
     }
-
-    /// The names of the robots that are drawn.
-    fn title(&self) -> String {
-        title(&self.paths.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>())
-    }
+    Ok(())
 }
 
-/// True when a pose is far enough from the last one drawn to add something.
-fn is_apart(last: Option<Pose2>, pose: &Pose2) -> bool {
-    last.is_none_or(|last| {
-        last.distance(pose) >= APART_M || wrap_angle(last.yaw - pose.yaw).abs() >= APART_RAD
-    })
+/// Says what was drawn.
+fn tell(
+    images: &[Image],
+    frame: &GridFrame,
+    scans: usize,
+    args: &RenderArgs,
+    global: &Global,
+) -> Result<()> {
+    let files: Vec<&Path> = images.iter().map(|image| image.file.as_path()).collect();
+    let summary = serde_json::json!({
+        "image": args.output, "images": files, "scans": scans, "resolution_m": frame.resolution_m,
+        "cells": [frame.width, frame.height],
+    });
+    let what = match images.len() {
+        1 => String::new(),
+        levels => format!("{}, each ", counted(levels as u64, "level")),
+    };
+    let text = format!(
+        "{}: {what}{} x {} cells of {} m from {}",
+        args.output.display(),
+        frame.width,
+        frame.height,
+        frame.resolution_m,
+        counted(scans as u64, "scan"),
+    );
+    print(global, &text, &summary)
 }

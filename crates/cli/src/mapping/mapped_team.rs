@@ -1,7 +1,9 @@
 use super::{MappedRobot, MappingTimes};
 use crate::islands::IslandList;
+use crate::level_maps::HangingPath;
 use crate::tracks::{Track, tracks};
 use geometry::Pose2;
+use manifold::PatchId;
 use sensing::RobotId;
 use slam::Team;
 
@@ -51,6 +53,23 @@ impl MappedTeam {
             paths[track.robot] = self.poses_of(track).collect();
         }
         paths
+    }
+
+    /// [`MappedTeam::paths_on`] with the patches that the poses hang on.
+    pub fn hanging_paths_on(&self, island: usize) -> Vec<HangingPath> {
+        let mut paths = vec![Vec::new(); self.robots.len()];
+        for track in self.tracks.iter().filter(|track| track.island == island) {
+            let hangs_on: Vec<PatchId> =
+                self.team.scan_poses(RobotId(track.robot as u16)).map(|pose| pose.patch).collect();
+            let patches = track.scans.iter().map(|&scan| hangs_on[scan]);
+            paths[track.robot] = patches.zip(self.poses_of(track)).collect();
+        }
+        paths
+    }
+
+    /// The robots' names.
+    pub fn names(&self) -> Vec<&str> {
+        self.robots.iter().map(|robot| robot.name.as_str()).collect()
     }
 
     /// Base poses of a track's scans, in the frame of its island.

@@ -15,7 +15,7 @@ pub use keeping::{MERGES, keep_result};
 pub use log_facts::LogFacts;
 pub use mapped_team::MappedTeam;
 pub use one_log::MappedRobot;
-pub use resuming::{bad_stretches, resume, stored_config};
+pub use resuming::{bad_stretches, resume, stored_config, stored_scans};
 pub use source::{LogSource, canonical, stem};
 
 use anyhow::Result;

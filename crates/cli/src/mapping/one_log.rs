@@ -104,7 +104,10 @@ impl Progress {
             match event {
                 Event::Localised(_, found) => pose = Some(found),
                 Event::Map(change) => {
-                    if matches!(change, Change::PatchAdded(_)) {
+                    // That of a leaning robot was put on the plan.
+                    if let Change::PatchAdded(patch) = &change
+                        && taken.scan.as_ref() == Some(&patch.scan)
+                    {
                         taken.scan = None;
                     }
                     self.note(change);

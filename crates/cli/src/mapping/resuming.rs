@@ -66,7 +66,8 @@ fn json<T: serde::de::DeserializeOwned>(site: &Site, key: &str) -> Option<T> {
     serde_json::from_str(site.metadata.get(key)?).ok()
 }
 
-fn stored_scans(site: &Site, robot: RobotId) -> Vec<StoredScan> {
+/// A robot's scans as they were taken, in the order of its log.
+pub fn stored_scans(site: &Site, robot: RobotId) -> Vec<StoredScan> {
     let scans = &site.trajectories[usize::from(robot.0)];
     scans
         .iter()

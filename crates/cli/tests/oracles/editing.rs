@@ -1,7 +1,7 @@
 //! Maps that are gone on with, taken back, and interrupted.
 
 use crate::teams::{map, pieces};
-use crate::{Scratch, args, run};
+use crate::{Scratch, args, names, run};
 use manifold::{Provenance, RelationState};
 use std::fs::read;
 use std::path::{Path, PathBuf};
@@ -167,13 +167,12 @@ fn interrupt(logs: &[PathBuf], out: &Path, robots: usize) {
     mapping.wait().unwrap();
 }
 
-#[test]
-fn an_interrupted_run_goes_on_to_the_same_map() {
-    let scratch = Scratch::new("interrupted");
-    let logs = pieces(&scratch, 2);
+/// Maps logs at one go, and again with an interruption in the last of them: the results must be the
+/// same byte by byte, but for times.
+pub fn assert_an_interruption_leaves_no_trace(scratch: &Scratch, logs: &[PathBuf]) {
     let (whole, out) = (scratch.at("whole"), scratch.at("out"));
-    assert_eq!(map(&logs, &whole, &["--quiet"]).code, 0);
-    interrupt(&logs, &out, 2);
+    assert_eq!(map(logs, &whole, &["--quiet"]).code, 0);
+    interrupt(logs, &out, logs.len());
     assert_eq!(stored(&out).metadata["state"], "mapping");
     let ran = run(args!["info", out.join("site.manifold")]);
     assert!(ran.out.contains("state: mapping"), "{}", ran.out);
@@ -181,9 +180,16 @@ fn an_interrupted_run_goes_on_to_the_same_map() {
     onto.extend(logs.iter().map(Into::into));
     let ran = run(onto);
     assert_eq!(ran.code, 0, "{}", ran.err);
-    for name in ["walk-1", "walk-2"] {
-        assert!(trajectory(&out, name) == trajectory(&whole, name), "{name}: another trajectory");
-    }
     assert!(store::same_map(&stored(&out).manifold, &stored(&whole).manifold));
-    assert!(read(out.join("map.png")).unwrap() == read(whole.join("map.png")).unwrap());
+    assert_eq!(names(&out), names(&whole));
+    let with_times = ["metrics.json", "report.html", "site.manifold"];
+    for name in names(&whole).iter().filter(|name| !with_times.contains(&name.as_str())) {
+        assert!(read(out.join(name)).unwrap() == read(whole.join(name)).unwrap(), "{name}");
+    }
+}
+
+#[test]
+fn an_interrupted_run_goes_on_to_the_same_map() {
+    let scratch = Scratch::new("interrupted");
+    assert_an_interruption_leaves_no_trace(&scratch, &pieces(&scratch, 2));
 }

@@ -164,3 +164,50 @@ fn surfaces(config: &SlamConfig, observations: Vec<Observation>) -> Vec<Vec<Line
         )
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Unobserved;
+    use synthetic::{Robot, Storeys};
+
+    /// Two robots, kept before they are joined: what the team derives from what is kept is the
+    /// same, that of scans taken on a ramp included.
+    #[test]
+    fn a_team_of_leaning_robots_is_the_same_when_it_was_kept() {
+        let config = SlamConfig::default();
+        let run = Storeys::default().record(&Robot::default(), 2).run;
+        let parts = [&run.observations[..400], &run.observations[300..]];
+        let mut team = Team::new(config);
+        for (number, part) in parts.iter().enumerate() {
+            team.map_robot(&format!("robot-{number}"), part.iter().cloned());
+        }
+        let kept = |(track, part): (&Track, &&[Observation])| {
+            let scans = track.scans.iter().zip(*part);
+            let stored = |(scan, seen): (&ScanRecord, &Observation)| StoredScan {
+                found: scan.found,
+                pose: scan.pose,
+                stamp: scan.stamp,
+                odom_from_base: seen.odom_from_base,
+                observation: Some(Observation { odom_from_base: None, ..seen.clone() }),
+            };
+            scans.map(stored).collect::<Vec<_>>()
+        };
+        let stored = StoredTeam {
+            manifold: team.map.manifold.clone(),
+            scans: team.tracks.iter().zip(&parts).map(kept).collect(),
+            ..StoredTeam::default()
+        };
+        let resumed = Team::resume(config, Box::new(Unobserved), stored);
+        assert_eq!(resumed.map.slopes, team.map.slopes);
+        assert!(!team.map.with_ground.is_empty(), "ground is seen as walls near the ramp");
+        assert_eq!(resumed.map.with_ground, team.map.with_ground);
+        assert_eq!(resumed.map.surfaces, team.map.surfaces);
+        for (one, other) in resumed.tracks.iter().zip(&team.tracks) {
+            for (scan, as_was) in one.scans.iter().zip(&other.scans) {
+                assert_eq!(scan.odom_from_base, as_was.odom_from_base);
+                assert_eq!(scan.surface, as_was.surface);
+            }
+        }
+    }
+}
