@@ -111,7 +111,7 @@ impl LevelMap {
             };
             let pose = |id: PatchId| manifold.patch(id).island_from_patch;
             Ok(LevelMap {
-                title: format!("level {k}: {:.1} m", height_m + 0.0),
+                title: title(k, *height_m),
                 grid: OccupancyGrid::decide(&counts, &config.map.rule),
                 patches: levels.patches(k).map(pose).collect(),
                 paths: paths.iter().map(poses_here).collect(),
@@ -166,9 +166,21 @@ fn level_file(island: usize, level: usize, ending: &str) -> String {
     of_level(&map_file(island, ending), level)
 }
 
+/// What stands on a level's map.
+fn title(level: usize, height_m: f64) -> String {
+    // Adding zero takes the sign from a zero.
+    format!("level {level}: {:.1} m", (10.0 * height_m).round() / 10.0 + 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_height_is_less_than_nothing() {
+        assert_eq!(title(0, -0.03), "level 0: 0.0 m");
+        assert_eq!(title(1, 2.96), "level 1: 3.0 m");
+    }
 
     #[test]
     fn every_level_has_a_file_of_its_own() {

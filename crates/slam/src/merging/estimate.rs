@@ -89,11 +89,6 @@ pub(super) fn decades(observed: &Observed, usual: &Usual) -> f64 {
     either + against(observed, usual) + surfaces(observed, usual)
 }
 
-/// [`decades`] for a merge that is wrong only if the building looks alike.
-pub(super) fn decades_if_alike(observed: &Observed, usual: &Usual) -> f64 {
-    places(observed) + against(observed, usual) + surfaces(observed, usual)
-}
-
 fn copied(observed: &Observed) -> f64 {
     let held = observed.squares - observed.beyond;
     COPY_DECADES + DECADES_PER_HELD * held as f64 + DECADES_PER_BEYOND * observed.beyond as f64
