@@ -78,17 +78,26 @@ impl PlacedScan {
 /// A robot's path: where it was, and the patch that this hangs on.
 pub type HangingPath = Vec<(PatchId, Pose2)>;
 
-/// The scans of patches without what they saw of the ground; patches that are left out are not
-/// drawn.
-pub fn walls_of(manifold: &Manifold, patches: &[PatchId], config: &Config) -> Vec<PlacedScan> {
-    let ground = KnownGround::new(manifold, &config.slam.elevation);
+/// The scans of patches; those that are left out are not drawn.
+pub fn patch_scans(manifold: &Manifold, patches: &[PatchId]) -> Vec<PlacedScan> {
     let patches = patches.iter().map(|id| manifold.patch(*id)).filter(|patch| !patch.left_out);
-    let wall = |patch: &Patch| PlacedScan {
+    let placed = |patch: &Patch| PlacedScan {
         patch: patch.id,
         map_from_laser: patch.island_from_patch * patch.base_from_laser,
-        scan: ground.walls_of(patch.id),
+        scan: Arc::clone(&patch.scan),
     };
-    patches.map(wall).collect()
+    patches.map(placed).collect()
+}
+
+/// Scans without what they saw of the ground.
+pub fn walls_of(manifold: &Manifold, scans: &[PlacedScan], config: &Config) -> Vec<PlacedScan> {
+    let ground = KnownGround::new(manifold, &config.slam.elevation);
+    let walls = |placed: &PlacedScan| {
+        let PlacedScan { patch, map_from_laser, ref scan } = *placed;
+        let patch_from_laser = manifold.patch(patch).island_from_patch.between(&map_from_laser);
+        PlacedScan { scan: ground.walls_in(scan, patch, &patch_from_laser), ..*placed }
+    };
+    scans.iter().map(walls).collect()
 }
 
 impl LevelMap {
