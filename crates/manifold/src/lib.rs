@@ -7,6 +7,7 @@
 
 mod change;
 mod islands;
+mod key_patches;
 mod levels;
 mod local_submap;
 mod manifold;
@@ -19,6 +20,7 @@ mod way;
 
 pub use change::{Change, ManifoldError};
 pub use islands::Islands;
+pub use key_patches::KeyPatches;
 pub use levels::{GroundKind, LevelMember, Levels};
 pub use local_submap::{INTERVAL_95, SubmapLimits, SubmapMember};
 pub use manifold::Manifold;

@@ -1,7 +1,7 @@
 use crate::{Manifold, PatchId};
 use geometry::GaussianPose2;
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 
 /// A total order on position variances for the heap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,4 +68,46 @@ impl Manifold {
         }
         settled
     }
+
+    /// [`Manifold::uncertainty_from`] for those patches alone whose position is known to a standard
+    /// deviation of `most_std_m` metres (over both axes); it costs what these are, however large
+    /// the island is.
+    pub fn uncertainty_within(
+        &self,
+        start: PatchId,
+        most_std_m: f64,
+    ) -> BTreeMap<PatchId, GaussianPose2> {
+        known_within(start, most_std_m, |patch| self.neighbours(patch))
+    }
+}
+
+/// What is known from `start` to a standard deviation of `most_std_m`, in a graph of relations:
+/// composed along the path on which the position's variance grows least.
+pub(crate) fn known_within<K: Copy + Ord, N: Iterator<Item = (K, GaussianPose2)>>(
+    start: K,
+    most_std_m: f64,
+    neighbours: impl Fn(K) -> N,
+) -> BTreeMap<K, GaussianPose2> {
+    let most = most_std_m * most_std_m;
+    let origin = GaussianPose2::exact(geometry::Pose2::IDENTITY);
+    let mut settled = BTreeMap::new();
+    let mut tentative = BTreeMap::from([(start, (0.0, origin))]);
+    let mut queue = BinaryHeap::from([(Reverse(Variance(0.0)), Reverse(start))]);
+    while let Some((_, Reverse(node))) = queue.pop() {
+        // Ways to it that were found before a better one stay in the queue.
+        let Some((_, here)) = tentative.remove(&node) else { continue };
+        settled.insert(node, here);
+        for (other, step) in neighbours(node) {
+            if settled.contains_key(&other) {
+                continue;
+            }
+            let there = here.compose(&step);
+            let variance = there.covariance[(0, 0)] + there.covariance[(1, 1)];
+            if variance <= most && tentative.get(&other).is_none_or(|(v, _)| variance < *v) {
+                tentative.insert(other, (variance, there));
+                queue.push((Reverse(Variance(variance)), Reverse(other)));
+            }
+        }
+    }
+    settled
 }

@@ -48,6 +48,12 @@ impl Map {
         self.slope(patch) == Vector2::zeros()
     }
 
+    /// True for a patch whose surfaces are those of its scan and nothing else, and may all be
+    /// compared: it stands on the level, and no ground was left out of what it sees.
+    pub fn is_the_same_in_any_map(&self, patch: PatchId) -> bool {
+        self.is_level(patch) && !self.with_ground.contains_key(&patch)
+    }
+
     /// True when two patches' lasers swept planes of about the same slope.
     pub fn lean_alike(&self, a: PatchId, b: PatchId) -> bool {
         self.leans_alike(a, &self.pose(b).rotate(self.slope(b)))

@@ -5,7 +5,7 @@ use crate::integrity::{Integrity, Verdict, WitnessScan, bridge};
 use crate::loop_closing::{LandmarkCloser, LoopCloser, relate};
 use crate::map::Map;
 use crate::preparation::{Preparation, PreparedObservation};
-use crate::refit::{optimise_relations, refit, relocalise};
+use crate::refit::{Memory, optimise_relations, refit, relocalise};
 use crate::sightings::note_sightings;
 use crate::statistics::Statistics;
 use crate::track::{ScanPose, ScanRecord};
@@ -111,10 +111,11 @@ impl Mapper {
     pub fn finish(&mut self) -> Vec<Event> {
         self.conclude();
         let config = self.config;
-        let measured = self.timed(Stage::Refit, |m| refit(&mut m.map, &config));
+        let mut memory = Memory::default();
+        let measured = self.timed(Stage::Refit, |m| refit(&mut m.map, &config, &mut memory));
         self.statistics.overlaps += measured;
         self.timed(Stage::Relocalisation, |m| {
-            relocalise(&m.map, &mut [&mut m.scans[..]], &config);
+            relocalise(&m.map, &mut [&mut m.scans[..]], &config, &mut memory);
         });
         if let Some(last) = self.map.manifold.patches().last().map(|p| p.id) {
             self.front_end.relocate(&self.map, last);

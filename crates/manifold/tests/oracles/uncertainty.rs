@@ -2,6 +2,7 @@
 
 use crate::graphs::{build, gaussian, gaussian_without_yaw_noise, known_from, links, patch, tree};
 use geometry::{GaussianPose2, LieGroup, Matrix3, Pose2, Vector3};
+use manifoldslam_manifold::KeyPatches;
 use proptest::prelude::*;
 
 const PATCHES: usize = 8;
@@ -92,6 +93,55 @@ proptest! {
         let some = manifold.uncertainty_from(patch(0), &wanted);
         for id in wanted {
             prop_assert_eq!(some[id.index()], all[id.index()]);
+        }
+    }
+
+    /// What is known well is known as if all were asked for.
+    #[test]
+    fn a_search_that_stops_finds_what_is_known_well(
+        links in links(PATCHES, 14, gaussian()),
+        most_std_m in 0.0..3.0f64,
+    ) {
+        let manifold = build(PATCHES, &links);
+        let all = known_from(&manifold, patch(0));
+        let within = manifold.uncertainty_within(patch(0), most_std_m);
+        for (id, known) in &within {
+            prop_assert_eq!(Some(*known), all[id.index()]);
+        }
+        for (index, known) in all.iter().enumerate() {
+            let variance = known.map(|g| g.covariance[(0, 0)] + g.covariance[(1, 1)]);
+            if variance.is_none_or(|v| v > most_std_m * most_std_m) {
+                prop_assert!(index == 0 || !within.contains_key(&patch(index)));
+            }
+        }
+    }
+
+    /// Every patch has its key patch, key patches hang together as the islands do, and by way of
+    /// them nothing is known better than it is: without yaw noise the variances of a path add up.
+    #[test]
+    fn by_way_of_key_patches_nothing_is_known_better(
+        links in links(PATCHES, 14, gaussian_without_yaw_noise()),
+        std_m in 0.0..1.0f64,
+    ) {
+        let variance = |g: &GaussianPose2| g.covariance[(0, 0)] + g.covariance[(1, 1)];
+        let manifold = build(PATCHES, &links);
+        let keys = KeyPatches::new(&manifold, std_m);
+        let mut members: Vec<_> = (0..keys.count()).flat_map(|key| keys.members(key)).collect();
+        members.sort_unstable();
+        prop_assert!(members.into_iter().copied().eq((0..PATCHES).map(patch)));
+        for a in (0..PATCHES).map(patch) {
+            let best = known_from(&manifold, a);
+            let (key, key_from_a) = keys.of(a).expect("every patch has one");
+            prop_assert!(variance(&key_from_a) <= std_m * std_m + 1e-12);
+            let known = keys.known_from(key);
+            for b in (0..PATCHES).map(patch) {
+                let (other, other_from_b) = keys.of(b).expect("every patch has one");
+                prop_assert_eq!(known.contains_key(&other), best[b.index()].is_some());
+                if let (Some(step), Some(best)) = (known.get(&other), &best[b.index()]) {
+                    let by_keys = key_from_a.inverse().compose(step).compose(&other_from_b);
+                    prop_assert!(variance(&by_keys) >= variance(best) - 1e-9);
+                }
+            }
         }
     }
 

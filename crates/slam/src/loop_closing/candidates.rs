@@ -26,16 +26,24 @@ pub(crate) enum SearchArea {
     Around(f64),
 }
 
+/// A patch whose place is to be looked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Query {
+    pub patch: PatchId,
+    /// Look all round, not only about where it is believed to be.
+    pub all_round: bool,
+}
+
 /// Chooses the places to compare a new patch with.
 pub(crate) struct Candidates {
     settings: ClosingSettings,
     limits: SubmapLimits,
-    signatures: BTreeMap<PatchId, Signature>,
-    /// Patch from which places were last compared by their look.
-    last_look: Option<Pose2>,
     /// Look among other robots' patches instead of the robot's own.
     others: Option<OtherRobots>,
 }
+
+/// What places look like, as far as it was asked.
+pub(crate) type Looks = BTreeMap<PatchId, Signature>;
 
 /// Candidates are this many patches away from the query, so that they are places left and met
 /// again, with surroundings that are complete; overlaps nearer by are the refit's business.
@@ -43,35 +51,29 @@ const SETTLED_PATCHES: u32 = 30;
 
 impl Candidates {
     pub fn new(settings: ClosingSettings, limits: SubmapLimits) -> Self {
-        Candidates { settings, limits, signatures: BTreeMap::new(), last_look: None, others: None }
+        Candidates { settings, limits, others: None }
     }
 
     /// Candidates on other robots' patches.
-    pub fn of_others(settings: ClosingSettings, limits: SubmapLimits, others: OtherRobots) -> Self {
-        Candidates { others: Some(others), ..Self::new(settings, limits) }
+    pub fn of_others(settings: ClosingSettings, limits: SubmapLimits, map: &Map) -> Self {
+        let others = Some(OtherRobots::new(map, settings, &limits));
+        Candidates { others, ..Self::new(settings, limits) }
     }
 
-    /// The best places for `query`, best first, spaced apart: patches that are not known well
+    /// The best places for a query, best first, spaced apart: patches that are not known well
     /// enough to be in its local submap, but may see the same surfaces. Those within the search box
     /// around the belief are ranked by distance, those beyond it by the look of the place.
-    pub fn of(&mut self, query: PatchId, map: &Map) -> Vec<Candidate> {
+    pub fn of(&self, query: Query, looks: &mut Looks, map: &Map) -> Vec<Candidate> {
         let mut found: Vec<(f64, Candidate)> = Vec::new();
-        let own = map.pose(query);
-        let look_due =
-            self.last_look.is_none_or(|last| last.distance(&own) >= self.settings.spacing_m);
-        let mut query_signature = None;
-        let possible = self.possible(query, look_due, map);
-        let known = map.manifold.uncertainty_from(query, &possible);
-        for patch in possible.iter().map(|&id| map.manifold.patch(id)) {
-            let Some(belief) = known[patch.id.index()] else { continue };
-            let here = patch.island_from_patch.between(&own);
+        let own = map.pose(query.patch);
+        let mut query_look = None;
+        for (patch, belief) in self.known(query, map) {
+            let here = map.pose(patch).between(&own);
             let Some(by_look) = self.may_overlap(&here, &belief) else { continue };
             let rank = if by_look {
-                let look =
-                    query_signature.get_or_insert_with(|| signature_of(query, map, &self.limits));
-                let limits = &self.limits;
-                let entry = self.signatures.entry(patch.id);
-                100.0 + entry.or_insert_with(|| signature_of(patch.id, map, limits)).distance(look)
+                let look_of = |patch| signature_of(patch, map, &self.limits);
+                let look = query_look.get_or_insert_with(|| look_of(query.patch));
+                100.0 + looks.entry(patch).or_insert_with(|| look_of(patch)).distance(look)
             } else {
                 here.norm() + here.yaw.abs()
             };
@@ -81,10 +83,7 @@ impl Candidates {
             } else {
                 SearchArea::Believed
             };
-            found.push((rank, Candidate { patch: patch.id, patch_from_query, area }));
-        }
-        if look_due {
-            self.last_look = Some(own);
+            found.push((rank, Candidate { patch, patch_from_query, area }));
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.patch.cmp(&b.1.patch)));
         self.spaced(found.into_iter().map(|f| f.1), map)
@@ -94,14 +93,12 @@ impl Candidates {
     /// out.
     pub fn everywhere(&self, query: PatchId, map: &Map) -> Vec<Candidate> {
         let own = map.pose(query);
-        let possible = match &self.others {
-            Some(others) => others.around(query, f64::INFINITY, map),
-            None => self.possible(query, true, map),
+        let known = match &self.others {
+            Some(others) => others.around(query, f64::INFINITY, |_| true, map),
+            None => self.known(Query { patch: query, all_round: true }, map),
         };
-        let known = map.manifold.uncertainty_from(query, &possible);
         let mut chosen: Vec<Candidate> = Vec::new();
-        for patch in possible {
-            let Some(belief) = known[patch.index()] else { continue };
+        for (patch, belief) in known {
             let here = map.pose(patch).between(&own);
             let near = |c: &Candidate| {
                 map.pose(c.patch).distance(&map.pose(patch)) < self.settings.reach_m
@@ -117,21 +114,24 @@ impl Candidates {
         chosen
     }
 
-    /// Patches that are places left and perhaps met again: those in the search box, and all others
-    /// when looking all round is due.
-    fn possible(&self, query: PatchId, look_due: bool, map: &Map) -> Vec<PatchId> {
-        let own = map.pose(query);
+    /// Patches that are places left and perhaps met again, as they are known from the query: those
+    /// in the search box, and all others when it looks all round.
+    fn known(&self, query: Query, map: &Map) -> Vec<(PatchId, GaussianPose2)> {
+        let own = map.pose(query.patch);
         let box_m = self.settings.reach_m + self.settings.window_m;
         if let Some(others) = &self.others {
-            return others.met(query, if look_due { f64::INFINITY } else { box_m }, map);
+            let radius_m = if query.all_round { f64::INFINITY } else { box_m };
+            return others.met(query.patch, radius_m, map);
         }
         let patches = map.manifold.patches().iter();
-        patches
-            .filter(|p| p.id.0.abs_diff(query.0) >= SETTLED_PATCHES)
-            .filter(|p| look_due || p.island_from_patch.distance(&own) <= box_m)
-            .filter(|p| map.comparable(p.id, query))
+        let possible: Vec<PatchId> = patches
+            .filter(|p| p.id.0.abs_diff(query.patch.0) >= SETTLED_PATCHES)
+            .filter(|p| query.all_round || p.island_from_patch.distance(&own) <= box_m)
+            .filter(|p| map.comparable(p.id, query.patch))
             .map(|p| p.id)
-            .collect()
+            .collect();
+        let known = map.manifold.uncertainty_from(query.patch, &possible);
+        possible.into_iter().filter_map(|patch| Some((patch, known[patch.index()]?))).collect()
     }
 
     /// `None` when a patch is known to be elsewhere, or known well enough to be in the local

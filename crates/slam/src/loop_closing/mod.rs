@@ -2,6 +2,7 @@
 //! place, searched by branch and bound, verified, and accepted only in sets that agree with one
 //! another.
 
+mod between_robots;
 mod by_landmark;
 mod by_user;
 mod candidates;
@@ -14,19 +15,19 @@ mod verification;
 
 use crate::SlamConfig;
 use crate::map::Map;
-use candidates::Candidates;
+use candidates::{Candidates, Looks};
 use consistency::PendingClosures;
 use geometry::{GaussianPose2, Pose2};
 use manifold::{PatchId, Provenance};
 use matching::MatchResult;
-use other_robots::OtherRobots;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use statistics::{ClosingStatistics, Rejection};
 
+pub(crate) use between_robots::BetweenRobots;
 pub(crate) use by_landmark::LandmarkCloser;
-pub(crate) use candidates::{Candidate, SearchArea};
+pub(crate) use candidates::{Candidate, Query, SearchArea};
 pub(crate) use signature::{Signature, signature_of};
 pub(crate) use verification::Verifier;
 
@@ -119,9 +120,12 @@ pub(crate) struct Closure {
 pub(crate) struct LoopCloser {
     settings: ClosingSettings,
     candidates: Candidates,
+    looks: Looks,
     verifier: Verifier,
     pending: PendingClosures,
     last_query: Option<Pose2>,
+    /// Patch from which places all round were last compared by their look.
+    last_look: Option<Pose2>,
     pub statistics: ClosingStatistics,
 }
 
@@ -130,24 +134,13 @@ impl LoopCloser {
         LoopCloser {
             settings: config.closing,
             candidates: Candidates::new(config.closing, config.submap),
+            looks: Looks::new(),
             verifier: Verifier::new(config),
             pending: PendingClosures::new(config.closing.support),
             last_query: None,
+            last_look: None,
             statistics: ClosingStatistics::default(),
         }
-    }
-
-    /// Closures between the robots of each island of a map that stays as it is, but for those that
-    /// the user has taken back.
-    pub fn between_robots(map: &Map, config: &SlamConfig) -> (Vec<Closure>, ClosingStatistics) {
-        let others = OtherRobots::new(map, config.closing);
-        let queries = others.queries(map);
-        let candidates = Candidates::of_others(config.closing, config.submap, others);
-        let mut closer = LoopCloser { candidates, ..Self::new(config) };
-        let mut closures = closer.search_all(&queries, map);
-        closures.retain(|closure| !by_user::taken_back(map, closure));
-        closer.finish();
-        (closures, closer.statistics)
     }
 
     /// The closures that a new patch completes: verified, and each in a consistent set.
@@ -161,13 +154,17 @@ impl LoopCloser {
     /// [`LoopCloser::search`] from many patches of a map that stays as it is.
     pub fn search_all(&mut self, queries: &[PatchId], map: &Map) -> Vec<Closure> {
         let mut pairs = Vec::new();
-        for &query in queries {
-            if self.is_due(query, map) {
-                let candidates = self.candidates.of(query, map).into_iter();
-                let comparable = candidates.filter(|c| map.comparable(query, c.patch));
-                pairs.extend(comparable.map(|c| (query, c)));
+        for &patch in queries {
+            if let Some(query) = self.due(patch, map) {
+                let candidates = self.candidates.of(query, &mut self.looks, map);
+                pairs.extend(candidates.into_iter().map(|c| (patch, c)));
             }
         }
+        self.verify_all(&pairs, map)
+    }
+
+    /// Those of some pairs of a query and a candidate that are closures to be accepted.
+    fn verify_all(&mut self, pairs: &[(PatchId, Candidate)], map: &Map) -> Vec<Closure> {
         self.statistics.tried += pairs.len();
         // Each pair is looked at by itself and the answers are taken in order: the number of
         // threads makes no difference.
@@ -217,15 +214,22 @@ impl LoopCloser {
             .any(|rival| rival)
     }
 
-    /// True when the robot has driven far enough since the last search; notes the search.
-    fn is_due(&mut self, query: PatchId, map: &Map) -> bool {
-        let pose = map.pose(query);
-        let near = |last: Pose2| last.distance(&pose) < self.settings.every_m;
-        if !self.settings.enabled || self.last_query.is_some_and(near) {
-            return false;
+    /// The search that is due at a patch, when the robot has driven far enough since the last one;
+    /// notes it.
+    fn due(&mut self, patch: PatchId, map: &Map) -> Option<Query> {
+        let pose = map.pose(patch);
+        let far = |last: Option<Pose2>, least_m: f64| {
+            last.is_none_or(|last| last.distance(&pose) >= least_m)
+        };
+        if !self.settings.enabled || !far(self.last_query, self.settings.every_m) {
+            return None;
         }
+        let all_round = far(self.last_look, self.settings.spacing_m);
         self.last_query = Some(pose);
-        true
+        if all_round {
+            self.last_look = Some(pose);
+        }
+        Some(Query { patch, all_round })
     }
 
     /// Gives up on closures that are still waiting for support.

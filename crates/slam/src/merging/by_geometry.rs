@@ -1,5 +1,7 @@
 use super::common_ground::{CommonGround, Seen};
-use super::estimate::{MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, may_suffice};
+use super::estimate::{
+    MOST_SPREAD, MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, may_suffice,
+};
 use super::evidence::{Evidence, examine};
 use super::places::PlaceIndex;
 use super::recognition::{PlaceMatch, Recognition};
@@ -126,12 +128,7 @@ impl GeometricMerging {
             let mut observed = observed(&evidence);
             if compared {
                 let everything = |_: &Seen, _: PatchId, _: bool| true;
-                let ground = CommonGround::of(map, grid, &islands.of, &evidence.seen, everything);
-                let squares = &ground.squares[..ground.squares.len().min(MOST_SQUARES)];
-                observed.compared_m = ground.compared_m;
-                observed.contradicted_m = ground.contradicted_m;
-                observed.squares = squares.len();
-                observed.beyond = beyond_a_copy(squares);
+                observed.add(CommonGround::of(map, grid, &islands.of, &evidence.seen, everything));
             }
             let counts = counted(matches, &evidence, &observed);
             let bound = 10f64.powf(decades(&observed, &self.usual));
@@ -139,6 +136,21 @@ impl GeometricMerging {
             Alignment { links, counts, bound }
         };
         examined.into_iter().map(weigh).collect()
+    }
+}
+
+impl Observed {
+    /// Adds what surfaces say.
+    fn add(&mut self, mut ground: CommonGround) {
+        ground.squares.truncate(MOST_SQUARES);
+        ground.spread.truncate(MOST_SPREAD);
+        let squares: Vec<_> = ground.squares.iter().map(|&middle| (middle, 1.0)).collect();
+        self.compared_m = ground.compared_m;
+        self.beyond_m = beyond_a_copy(&ground.spread);
+        self.contradicted_m = ground.contradicted_m;
+        self.pieces = ground.pieces;
+        self.squares = squares.len();
+        self.beyond = beyond_a_copy(&squares).round() as usize;
     }
 }
 
@@ -161,6 +173,8 @@ fn counted(matches: usize, evidence: &Evidence, observed: &Observed) -> Evidence
         fitting: evidence.fitting,
         seen_through_per_mille: (1000.0 * evidence.seen_through).round() as u32,
         compared_m: observed.compared_m.round() as u32,
+        beyond_m: observed.beyond_m.round() as u32,
+        pieces: observed.pieces,
         contradicted_cm: (100.0 * observed.contradicted_m).round() as u32,
         squares: observed.squares,
         beyond: observed.beyond,

@@ -1,4 +1,5 @@
-use super::surroundings::Surroundings;
+use super::pieces::{SurfaceCell, pieces_of};
+use super::surroundings::{Doubt, Surroundings};
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
 use geometry::{Pose2, Vector2};
@@ -16,6 +17,8 @@ const SQUARE_M: f64 = 5.0;
 const TELLING_M: f64 = 0.5;
 /// With so much contradicted it is no longer confirmed, metres.
 const DOUBTED_M: f64 = 0.3;
+/// Where there is something to compare is told in squares of so many cells.
+const SPREAD_CELLS: i32 = 12;
 /// Of so many places at most the surroundings are compared.
 const MOST_PLACES: usize = 60;
 
@@ -25,6 +28,8 @@ pub(crate) struct Seen {
     pub place: PatchId,
     pub from: PatchId,
     pub from_place: Pose2,
+    /// What that may be off, where nothing was found to fit.
+    pub doubt: Doubt,
 }
 
 /// What two sides, two islands or two visits, show of the same ground.
@@ -34,6 +39,10 @@ pub(super) struct CommonGround {
     pub compared_m: f64,
     /// That of it where the other looks through.
     pub contradicted_m: f64,
+    /// How many pieces that is.
+    pub pieces: usize,
+    /// Where the compared surface is, and how much of it, metres.
+    pub spread: Vec<(Vector2<f64>, f64)>,
     /// The middle of what is confirmed in each square that tells where it is.
     pub squares: Vec<Vector2<f64>>,
 }
@@ -46,13 +55,11 @@ struct Votes {
     normal: (f64, f64),
 }
 
-/// The place whose level it is, its side, 0 for the places' own, and the cell on the plan.
-type Key = (PatchId, u8, i32, i32);
-
-type Cells = BTreeMap<Key, Votes>;
+/// By cell.
+type Cells = BTreeMap<SurfaceCell, Votes>;
 
 /// A surface's cell, whether it is confirmed, its normal.
-type Answer = (Key, bool, (f64, f64));
+type Answer = (SurfaceCell, bool, (f64, f64));
 
 /// A square's surface, metres: confirmed, contradicted, the second moments of the confirmed
 /// normals, and the sum of positions.
@@ -87,8 +94,10 @@ impl CommonGround {
                     there.lay(map, grid, of_island[s.from.index()], s.from, |p| keep(s, p, false));
                     let common = map.pose(s.place);
                     let back = s.from_place.inverse();
-                    let mut said = answers((level, 0), here, there, &s.from_place, &common);
-                    said.extend(answers((level, 1), there, here, &back, &(common * back)));
+                    let to_places = (level, 0, s.doubt);
+                    let mut said = answers(to_places, here, there, &s.from_place, &common);
+                    let to_others = (level, 1, s.doubt);
+                    said.extend(answers(to_others, there, here, &back, &(common * back)));
                     said
                 },
             )
@@ -112,7 +121,7 @@ impl CommonGround {
             let key = |i: i32| (middle(i) / SQUARE_M).floor() as i32;
             let square = squares.entry((key(u), key(v))).or_default();
             ground.compared_m += share_m;
-            if votes.contradicted > votes.confirmed {
+            if votes.is_contradicted() {
                 ground.contradicted_m += share_m;
                 square.contradicted += share_m;
             } else {
@@ -124,10 +133,30 @@ impl CommonGround {
                 }
             }
         }
+        let contradicted = cells.iter().filter(|(_, votes)| votes.is_contradicted());
+        ground.pieces = pieces_of(contradicted.map(|(&cell, _)| cell).collect(), CELL_M);
+        ground.spread = spread(cells, share_m);
         let telling = squares.values().filter(|s| s.tells());
         ground.squares = telling.map(|s| s.sum / s.confirmed).collect();
         ground
     }
+}
+
+impl Votes {
+    fn is_contradicted(&self) -> bool {
+        self.contradicted > self.confirmed
+    }
+}
+
+/// Where surface is, each cell of `share_m`.
+fn spread(cells: &Cells, share_m: f64) -> Vec<(Vector2<f64>, f64)> {
+    let mut squares: BTreeMap<(i32, i32), f64> = BTreeMap::new();
+    for (_, _, u, v) in cells.keys() {
+        let key = (u.div_euclid(SPREAD_CELLS), v.div_euclid(SPREAD_CELLS));
+        *squares.entry(key).or_default() += share_m;
+    }
+    let middle = |i: i32| (f64::from(i) + 0.5) * f64::from(SPREAD_CELLS) * CELL_M;
+    squares.into_iter().map(|((u, v), m)| (Vector2::new(middle(u), middle(v)), m)).collect()
 }
 
 impl Square {
@@ -155,7 +184,7 @@ fn levels(map: &Map, seen: &[&Seen]) -> Vec<PatchId> {
 
 /// What the other side says to every surface of one: cells in the places' island frame.
 fn answers(
-    (level, side): (PatchId, u8),
+    (level, side, doubt): (PatchId, u8, Doubt),
     own: &Surroundings,
     other: &Surroundings,
     other_from_own: &Pose2,
@@ -167,7 +196,7 @@ fn answers(
     own.surfaces()
         .filter_map(|p| {
             let (there, common) = (to_other(&p), to_common(&p));
-            let confirmed = other.shows(there.x, there.y)?;
+            let confirmed = other.shows(&there, doubt)?;
             let normal = (f64::from(common.nx), f64::from(common.ny));
             Some(((level, side, key(common.x), key(common.y)), confirmed, normal))
         })
@@ -191,7 +220,7 @@ mod tests {
             .map(|pair| {
                 let (place, from) = (pair[0].id, pair[1].id);
                 let from_place = map.pose(from).between(&map.pose(place)) * aside;
-                Seen { place, from, from_place }
+                Seen { place, from, from_place, doubt: Doubt::NONE }
             })
             .collect();
         let of_half = |_: &Seen, patch: PatchId, even: bool| patch.0.is_multiple_of(2) == even;
@@ -207,9 +236,12 @@ mod tests {
         let same = halves(&mapper.map, Pose2::IDENTITY);
         assert!(same.compared_m > 30.0, "{same:?}");
         assert!(same.contradicted_m < 0.005 * same.compared_m, "{same:?}");
-        assert!(same.squares.len() >= 4, "{same:?}");
+        assert!(same.pieces == 0 && same.squares.len() >= 4, "{same:?}");
+        let spread: f64 = same.spread.iter().map(|(_, m)| m).sum();
+        assert!((spread - same.compared_m).abs() < 1e-6, "{same:?}");
         let aside = halves(&mapper.map, Pose2::new(0.7, 0.7, 0.0));
         assert!(aside.contradicted_m > 0.05 * aside.compared_m, "{aside:?}");
+        assert!(aside.pieces as f64 > 0.1 * aside.compared_m, "{aside:?}");
         assert!(aside.squares.len() < same.squares.len(), "{aside:?}");
     }
 }

@@ -1,3 +1,4 @@
+use super::pieces::Rate;
 use geometry::Vector2;
 use std::f64::consts::{FRAC_PI_2, LN_10};
 
@@ -5,6 +6,9 @@ use std::f64::consts::{FRAC_PI_2, LN_10};
 /// buildings repeat themselves, so that a wrong one that fits at one place often fits at the next
 /// as well. Measured on twin buildings (see docs/math/merging.md), as are the others.
 const DECADES_PER_PLACE: f64 = 1.5;
+/// But no less likely than this, decades: a building may have the same walls all over, on another
+/// storey, or turned by half a turn. That the rest differs must be seen.
+const MOST_OF_PLACES: f64 = 6.0;
 /// How likely a part of a building has a copy elsewhere, furniture and all, in decades: a room
 /// often has one. The more squares it must hold, the less likely it is.
 const COPY_DECADES: f64 = -0.3;
@@ -13,10 +17,14 @@ const DECADES_PER_HELD: f64 = -0.15;
 /// counts for more, decades.
 const COPY_M: f64 = 20.0;
 const DECADES_PER_BEYOND: f64 = -1.0;
+/// So many of them at most, for the same reason.
+const MOST_BEYOND: f64 = 4.0;
 /// Ways in which the copy may lie that are tried, over a quarter turn.
 const TURNS: usize = 9;
 /// Those beyond are counted among so many squares; the rest of a larger overlap is not needed.
 pub(super) const MOST_SQUARES: usize = 80;
+/// So many smaller squares of compared surface likewise: 81 fill a copy.
+pub(super) const MOST_SPREAD: usize = 200;
 /// Every place that does not fit, and where one island sees through the other's walls, makes a
 /// wrong merge five times as likely: 15 % of the right merges in real logs have one.
 const DECADES_PER_CONTRADICTION: f64 = 0.7;
@@ -25,16 +33,15 @@ const DECADES_PER_CONTRADICTION: f64 = 0.7;
 /// in all and more wherever five places fitted, right ones in the same worlds 0.02 at most.
 const MARGIN_THROUGH: f64 = 0.008;
 const THROUGH_PER_DECADE: f64 = 0.004;
-/// Contradicted surface is counted in pieces of this size, metres: a box, half a door.
-const PIECE_M: f64 = 0.5;
-/// Such pieces per metre of compared surface where two buildings look alike; few had less.
-const PIECES_IF_ALIKE: f64 = 0.01;
-/// And in the same building visited twice: what is taken before anything is measured, and for how
-/// much surface that counts, metres.
-const PIECES_USUALLY: f64 = 0.001;
-const USUAL_M: f64 = 100.0;
+/// Contradicted pieces where two buildings look alike: 0.15 a metre in the mean, but anything from
+/// hardly any to many. From 0.03 where four and more places of twin buildings fitted, mostly 0.2.
+const ALIKE: Rate = Rate { pieces: 1.0, on_m: 1.0 / 0.15 };
+/// Beyond what is copied exactly: other walls. 0.2 to 0.6 a metre around copied corridors.
+const ELSEWHERE: Rate = Rate { pieces: 4.0, on_m: 4.0 / 0.3 };
+/// And in the same building visited twice: what is taken before anything is measured.
+const USUALLY: Rate = Rate { pieces: 0.1, on_m: 100.0 };
 /// That nothing contradicts speaks for a merge by so much at most, decades.
-const MOST_CREDIT: f64 = 1.0;
+const MOST_CREDIT: f64 = 1.5;
 /// Surfaces are compared where the estimate may come to so little, decades.
 const WORTH_COMPARING: f64 = -3.0;
 
@@ -49,11 +56,15 @@ pub(super) struct Observed {
     pub seen_through: f64,
     /// Surface compared, metres.
     pub compared_m: f64,
-    /// Surface contradicted, metres.
+    /// That of it which a copy of a part of the building cannot hold, metres.
+    pub beyond_m: f64,
+    /// Surface contradicted, metres; for the record.
     pub contradicted_m: f64,
+    /// Pieces of contradicted surface.
+    pub pieces: usize,
     /// Confirmed squares.
     pub squares: usize,
-    /// Those of them that a copy of a part of the building cannot hold.
+    /// Those of them that such a copy cannot hold.
     pub beyond: usize,
 }
 
@@ -64,8 +75,8 @@ pub(super) struct Usual {
     pub seen_through: f64,
     /// Surface compared, metres.
     pub compared_m: f64,
-    /// Surface contradicted, metres.
-    pub contradicted_m: f64,
+    /// Pieces of contradicted surface.
+    pub pieces: usize,
 }
 
 /// True when it is worth comparing surfaces: from what the places say the merge may come to be
@@ -85,17 +96,27 @@ fn decades_at_best(observed: &Observed, usual: &Usual) -> f64 {
 /// that was confirmed but what lies beyond. Either is doubted or believed by the likelihood ratio
 /// of the contradictions.
 pub(super) fn decades(observed: &Observed, usual: &Usual) -> f64 {
-    let either = (10f64.powf(places(observed)) + 10f64.powf(copied(observed))).log10();
-    either + against(observed, usual) + surfaces(observed, usual)
+    let either = 10f64.powf(alike(observed, usual)) + 10f64.powf(copied(observed, usual));
+    either.log10() + against(observed, usual)
 }
 
-fn copied(observed: &Observed) -> f64 {
+fn alike(observed: &Observed, usual: &Usual) -> f64 {
+    places(observed) + surfaces(observed, usual, &ALIKE, observed.compared_m)
+}
+
+/// The chance of a copy. Beyond it are other walls: what tells where it is there is confirmed by
+/// accident, or all that is contradicted is there. Both look at the same walls, so that only what
+/// says more counts.
+fn copied(observed: &Observed, usual: &Usual) -> f64 {
     let held = observed.squares - observed.beyond;
-    COPY_DECADES + DECADES_PER_HELD * held as f64 + DECADES_PER_BEYOND * observed.beyond as f64
+    let confirmed = DECADES_PER_BEYOND * (observed.beyond as f64).min(MOST_BEYOND)
+        + surfaces(observed, usual, &ALIKE, observed.compared_m).max(0.0);
+    let clear = surfaces(observed, usual, &ELSEWHERE, observed.beyond_m);
+    COPY_DECADES + DECADES_PER_HELD * held as f64 + confirmed.min(clear)
 }
 
 fn places(observed: &Observed) -> f64 {
-    -DECADES_PER_PLACE * (observed.agreeing as f64 - 1.0)
+    -(DECADES_PER_PLACE * (observed.agreeing as f64 - 1.0)).min(MOST_OF_PLACES)
 }
 
 fn against(observed: &Observed, usual: &Usual) -> f64 {
@@ -103,47 +124,49 @@ fn against(observed: &Observed, usual: &Usual) -> f64 {
     DECADES_PER_CONTRADICTION * observed.contradicting as f64 + beyond / THROUGH_PER_DECADE
 }
 
-/// Likelihood ratio of the contradicted pieces, Poisson distributed with one rate where buildings
-/// look alike and another in the same one.
-fn surfaces(observed: &Observed, usual: &Usual) -> f64 {
-    let same =
-        (PIECES_USUALLY * USUAL_M + usual.contradicted_m / PIECE_M) / (USUAL_M + usual.compared_m);
-    let same = same.min(PIECES_IF_ALIKE);
-    let pieces = observed.contradicted_m / PIECE_M;
-    let expected = observed.compared_m * (PIECES_IF_ALIKE - same);
-    let ratio = (pieces * (PIECES_IF_ALIKE / same).ln() - expected) / LN_10;
-    ratio.max(-MOST_CREDIT)
+/// Likelihood ratio of the contradicted pieces: where they are as frequent as in other buildings,
+/// on
+/// `on_m` of surface, and in the same one.
+fn surfaces(observed: &Observed, usual: &Usual, others: &Rate, on_m: f64) -> f64 {
+    let same = Rate {
+        pieces: USUALLY.pieces + usual.pieces as f64,
+        on_m: USUALLY.on_m + usual.compared_m,
+    };
+    let other = others.ln_chance(observed.pieces, on_m);
+    (other - same.ln_chance(observed.pieces, observed.compared_m)) / LN_10
 }
 
-/// How many of some squares, by their middles, no copy of [`COPY_M`] can hold wherever it lies and
-/// however it is turned.
-pub(super) fn beyond_a_copy(squares: &[Vector2<f64>]) -> usize {
+/// How much of something that lies at some points no copy of [`COPY_M`] can hold wherever it lies
+/// and however it is turned.
+pub(super) fn beyond_a_copy(points: &[(Vector2<f64>, f64)]) -> f64 {
     let held = |turn: usize| {
         let (sin, cos) = (FRAC_PI_2 * turn as f64 / TURNS as f64).sin_cos();
-        let turned: Vec<(f64, f64)> =
-            squares.iter().map(|p| (cos * p.x + sin * p.y, cos * p.y - sin * p.x)).collect();
-        most_in_box(&turned)
+        let turned = |(p, amount): &(Vector2<f64>, f64)| {
+            (cos * p.x + sin * p.y, cos * p.y - sin * p.x, *amount)
+        };
+        most_in_box(&points.iter().map(turned).collect::<Vec<_>>())
     };
-    squares.len() - (0..TURNS).map(held).max().unwrap_or(0)
+    let all: f64 = points.iter().map(|(_, amount)| amount).sum();
+    all - (0..TURNS).map(held).fold(0.0, f64::max)
 }
 
-/// The most of some points that an upright box of [`COPY_M`] holds: one whose lower sides touch
-/// points.
-fn most_in_box(points: &[(f64, f64)]) -> usize {
-    let mut most = 0;
-    for (left, _) in points {
-        let mut column: Vec<f64> = points
-            .iter()
-            .filter(|(x, _)| (*left..=left + COPY_M).contains(x))
-            .map(|(_, y)| *y)
-            .collect();
-        column.sort_by(f64::total_cmp);
-        let mut end = 0;
-        for (start, low) in column.iter().enumerate() {
-            while end < column.len() && column[end] <= low + COPY_M {
+/// The most of some points (along x, along y, amount) that an upright box of [`COPY_M`] holds: one
+/// whose lower sides touch points.
+fn most_in_box(points: &[(f64, f64, f64)]) -> f64 {
+    let mut most: f64 = 0.0;
+    for (left, _, _) in points {
+        let within = |p: &&(f64, f64, f64)| (*left..=left + COPY_M).contains(&p.0);
+        let mut column: Vec<(f64, f64)> =
+            points.iter().filter(within).map(|&(_, y, amount)| (y, amount)).collect();
+        column.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut end, mut held) = (0, 0.0);
+        for &(low, amount) in &column {
+            while end < column.len() && column[end].0 <= low + COPY_M {
+                held += column[end].1;
                 end += 1;
             }
-            most = most.max(end - start);
+            most = most.max(held);
+            held -= amount;
         }
     }
     most
@@ -154,15 +177,17 @@ mod tests {
     use super::*;
 
     const CLEAR: Observed = Observed {
-        agreeing: 6,
+        agreeing: 4,
         contradicting: 0,
         seen_through: 0.01,
         compared_m: 200.0,
+        beyond_m: 60.0,
         contradicted_m: 0.0,
+        pieces: 0,
         squares: 20,
         beyond: 6,
     };
-    const USUAL: Usual = Usual { seen_through: 0.015, compared_m: 100.0, contradicted_m: 0.1 };
+    const USUAL: Usual = Usual { seen_through: 0.015, compared_m: 100.0, pieces: 0 };
 
     #[test]
     fn what_speaks_against_a_merge_makes_it_less_sure() {
@@ -172,8 +197,8 @@ mod tests {
             Observed { contradicting: 1, ..CLEAR },
             Observed { seen_through: 0.05, ..CLEAR },
             Observed { compared_m: 50.0, ..CLEAR },
-            Observed { contradicted_m: 1.0, ..CLEAR },
-            Observed { beyond: 2, ..CLEAR },
+            Observed { pieces: 1, ..CLEAR },
+            Observed { beyond: 1, beyond_m: 20.0, ..CLEAR },
             Observed { squares: 10, ..CLEAR },
         ];
         for observed in worse {
@@ -185,19 +210,25 @@ mod tests {
 
     #[test]
     fn a_building_that_changes_is_not_taken_for_two() {
-        let observed = Observed { contradicted_m: 2.0, ..CLEAR };
-        let lively = Usual { contradicted_m: 1.0, ..USUAL };
+        let observed = Observed { pieces: 4, ..CLEAR };
+        let lively = Usual { pieces: 3, ..USUAL };
         assert!(decades(&observed, &lively) < decades(&observed, &USUAL) - 1.0);
-        // Where contradictions are as frequent as in look-alike buildings, they say nothing.
-        let hopeless = Usual { contradicted_m: 50.0, ..USUAL };
-        let none = Observed { contradicted_m: 0.0, ..CLEAR };
-        assert_eq!(decades(&observed, &hopeless), decades(&none, &hopeless));
+    }
+
+    #[test]
+    fn pieces_of_contradicted_wall_refuse_a_merge() {
+        // Half a turn of a nearly symmetric building; a copied corridor that ends in one of the
+        // two.
+        let turned = Observed { agreeing: 7, pieces: 11, compared_m: 190.0, ..CLEAR };
+        assert!(decades(&turned, &USUAL) > -2.5);
+        let ends = Observed { compared_m: 95.0, beyond_m: 5.0, squares: 8, beyond: 0, ..CLEAR };
+        assert!(decades(&Observed { pieces: 2, ..ends }, &USUAL) > -0.5);
     }
 
     #[test]
     fn what_a_copy_can_hold_never_suffices() {
         // Twenty metres of corridor with rooms on either side.
-        let observed = Observed { agreeing: 12, squares: 14, beyond: 0, ..CLEAR };
+        let observed = Observed { agreeing: 12, squares: 14, beyond: 0, beyond_m: 5.0, ..CLEAR };
         assert!(decades(&observed, &USUAL) > -3.5);
     }
 
@@ -206,10 +237,13 @@ mod tests {
         let row = |count: usize| -> Vec<Vector2<f64>> {
             (0..count).map(|i| Vector2::new(3.0, 4.0) * i as f64).collect()
         };
-        assert_eq!(beyond_a_copy(&[]), 0);
+        let beyond = |middles: &[Vector2<f64>]| {
+            beyond_a_copy(&middles.iter().map(|p| (*p, 0.5)).collect::<Vec<_>>())
+        };
+        assert_eq!(beyond(&[]), 0.0);
         // Five metres apart: five on twenty metres.
-        assert_eq!(beyond_a_copy(&row(1)), 0);
-        assert!((2..=4).contains(&beyond_a_copy(&row(8))));
+        assert_eq!(beyond(&row(1)), 0.0);
+        assert!((1.0..=2.0).contains(&beyond(&row(8))));
         // A row of twenty metres and its rooms, turned anyhow.
         for turn in 0..12 {
             let (sin, cos) = (0.3 * f64::from(turn)).sin_cos();
@@ -218,7 +252,7 @@ mod tests {
                 Vector2::new(cos * x - sin * y, sin * x + cos * y)
             };
             let squares: Vec<_> = (0..12).map(place).collect();
-            assert_eq!(beyond_a_copy(&squares), 0, "{turn}");
+            assert_eq!(beyond(&squares), 0.0, "{turn}");
         }
     }
 }

@@ -1,6 +1,7 @@
 use super::Link;
 use super::common_ground::Seen;
 use super::recognition::PlaceMatch;
+use super::surroundings::Doubt;
 use crate::SlamConfig;
 use crate::loop_closing::{Candidate, SearchArea, Verifier};
 use crate::map::Map;
@@ -75,7 +76,8 @@ pub(super) fn examine(
         for (e, verdict) in expected.iter().zip(verdicts) {
             through += verdict.through;
             let from_place = verdict.link.map_or(e.near_from_place, |link| link.from_from_to).mean;
-            evidence.seen.push(Seen { place: e.place, from: e.near, from_place });
+            let doubt = verdict.link.map_or(e.doubt(), |_| Doubt::NONE);
+            evidence.seen.push(Seen { place: e.place, from: e.near, from_place, doubt });
             match verdict.link {
                 Some(link) => {
                     agreeing.push(e.place);
@@ -101,6 +103,14 @@ struct Expected {
     /// The patch of the target that sees most of the same.
     near: PatchId,
     near_from_place: GaussianPose2,
+}
+
+impl Expected {
+    /// What the place may be off, if it does not fit.
+    fn doubt(&self) -> Doubt {
+        let std = |i: usize| self.near_from_place.covariance[(i, i)].sqrt() as f32;
+        Doubt { std_m: std(0), std_rad: std(2) }
+    }
 }
 
 /// What a place says.

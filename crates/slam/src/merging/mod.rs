@@ -7,6 +7,7 @@ mod estimate;
 mod evidence;
 mod landmarks;
 mod merger;
+mod pieces;
 mod places;
 mod recognition;
 mod sets;
@@ -112,11 +113,15 @@ pub struct EvidenceCounts {
     pub seen_through_per_mille: u32,
     /// Surface that both islands know something of, metres.
     pub compared_m: u32,
+    /// That of it which a copy of a part of the building, 20 m long and wide, cannot hold, metres.
+    pub beyond_m: u32,
     /// That of it where one island looks through what the other has, centimetres.
     pub contradicted_cm: u32,
+    /// Pieces of contradicted surface: what hangs together, at most a metre each.
+    pub pieces: usize,
     /// Squares of five metres in which the surfaces of both agree and tell where they are.
     pub squares: usize,
-    /// Those of them that a copy of a part of the building, 20 m long and wide, cannot hold.
+    /// Those of them that such a copy cannot hold.
     pub beyond: usize,
 }
 
@@ -133,6 +138,8 @@ impl Add for EvidenceCounts {
             fitting: self.fitting + other.fitting,
             seen_through_per_mille: self.seen_through_per_mille.max(other.seen_through_per_mille),
             compared_m: self.compared_m + other.compared_m,
+            beyond_m: self.beyond_m + other.beyond_m,
+            pieces: self.pieces + other.pieces,
             contradicted_cm: self.contradicted_cm + other.contradicted_cm,
             squares: self.squares + other.squares,
             beyond: self.beyond + other.beyond,

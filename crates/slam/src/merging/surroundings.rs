@@ -16,15 +16,32 @@ const RADIUS_M: f64 = 6.0;
 const MOST_PATCHES: usize = 12;
 /// ... that lie so far from each other, metres or radians.
 const SPACING: f64 = 0.4;
-/// A sight line is followed up to so far before its end, metres: walls are met at a slant.
-const BEFORE_END_M: f32 = 0.4;
+/// A sight line is followed until so near the surface that it ends at, metres across that surface:
+/// what lies nearer to it may be that surface, ...
+const BEFORE_SURFACE_M: f32 = 0.15;
+/// ... and, where the surface is met at a slant, no nearer to the end than this, metres.
+const BEFORE_END_M: f32 = 1.5;
 /// A surface was seen, and a place looked through, from so many patches: who walks by is seen from
 /// one.
 const WITNESSES: u8 = 2;
-/// Surfaces nearer to each other than this are the same one: metres, and per metre from the place,
-/// as yaws are known to a degree.
-const SAME_M: f32 = 0.25;
-const SAME_PER_M: f32 = 0.015;
+/// Surfaces nearer to each other than this, across them, are the same one: metres, and per metre
+/// from the place, as yaws are known to a degree.
+const SAME_M: f32 = 0.12;
+const SAME_PER_M: f32 = 0.02;
+/// Along them so far, metres: beams leave gaps.
+const ALONG_M: f32 = 0.35;
+
+/// What it is off how two places lie to each other, standard deviations.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Doubt {
+    pub std_m: f32,
+    pub std_rad: f32,
+}
+
+impl Doubt {
+    /// The places were matched.
+    pub const NONE: Doubt = Doubt { std_m: 0.0, std_rad: 0.0 };
+}
 
 /// What some patches show around a place: by cell, from how many of them a surface was seen there
 /// and from how many one looked through.
@@ -43,6 +60,9 @@ struct Cell {
     last_pass: u8,
     nx: f32,
     ny: f32,
+    /// Sum of the points hit, one for each patch.
+    x: f32,
+    y: f32,
 }
 
 impl Default for Surroundings {
@@ -76,12 +96,11 @@ impl Surroundings {
 
     /// The surfaces, as points in the place's frame.
     pub fn surfaces(&self) -> impl Iterator<Item = LinePoint> + '_ {
-        let centre = |i: usize| (i as f32 + 0.5) * CELL_M - REACH_M;
         self.surfaces.iter().map(move |&index| {
-            let (index, cell) = (index as usize, self.cells[index as usize]);
+            let cell = self.cells[index as usize];
             LinePoint {
-                x: centre(index % SIDE),
-                y: centre(index / SIDE),
+                x: cell.x / f32::from(cell.hits),
+                y: cell.y / f32::from(cell.hits),
                 nx: cell.nx,
                 ny: cell.ny,
                 variance: 0.0,
@@ -90,21 +109,27 @@ impl Surroundings {
         })
     }
 
-    /// True where a surface is at a point or next to it, false where one looks through all around
-    /// it, `None` where neither is known.
-    pub fn shows(&self, x: f32, y: f32) -> Option<bool> {
-        let (u, v) = (index_of(x)?, index_of(y)?);
-        let same = SAME_M + SAME_PER_M * x.hypot(y);
-        let reach = (same / CELL_M).ceil() as usize;
+    /// True where a surface is where another one lies, false where one looks through there and on
+    /// to something behind it, `None` where neither is known.
+    pub fn shows(&self, p: &LinePoint, doubt: Doubt) -> Option<bool> {
+        let (u, v) = (index_of(p.x)?, index_of(p.y)?);
+        let same = SAME_M + doubt.std_m + (SAME_PER_M + doubt.std_rad) * p.x.hypot(p.y);
+        let along = ALONG_M.max(same);
+        let reach = (along / CELL_M).ceil() as usize;
         if u.min(v) < reach || u.max(v) + reach >= SIDE {
             return None;
         }
-        let row = |v: usize, reach: usize| &self.cells[v * SIDE + u - reach..=v * SIDE + u + reach];
-        if (v - reach..=v + reach).any(|v| row(v, reach).iter().any(|c| c.hits > 0)) {
+        let is_same = |cell: &Cell| {
+            let hits = f32::from(cell.hits);
+            let (dx, dy) = (cell.x / hits - p.x, cell.y / hits - p.y);
+            let apart = dx.hypot(dy);
+            apart <= same || apart <= along && (p.nx * dx + p.ny * dy).abs() <= same
+        };
+        let row = |v: usize| &self.cells[v * SIDE + u - reach..=v * SIDE + u + reach];
+        if (v - reach..=v + reach).any(|v| row(v).iter().any(|c| c.hits > 0 && is_same(c))) {
             return Some(true);
         }
-        let free = (v - 1..=v + 1).all(|v| row(v, 1).iter().all(|c| c.passes > 0));
-        (free && self.cells[v * SIDE + u].passes >= WITNESSES).then_some(false)
+        (self.cells[v * SIDE + u].passes >= WITNESSES).then_some(false)
     }
 
     fn add(&mut self, map: &Map, patch: PatchId, place_from_patch: &Pose2, number: u8) {
@@ -114,12 +139,22 @@ impl Surroundings {
             if let Some(cell) = self.cell(p.x, p.y)
                 && cell.last_hit != number
             {
-                *cell = Cell { hits: cell.hits + 1, last_hit: number, nx: p.nx, ny: p.ny, ..*cell };
+                *cell = Cell {
+                    hits: cell.hits + 1,
+                    last_hit: number,
+                    nx: p.nx,
+                    ny: p.ny,
+                    x: cell.x + p.x,
+                    y: cell.y + p.y,
+                    ..*cell
+                };
             }
             let line = Vector2::new(p.x, p.y) - laser;
             let range = line.norm();
             let step_m = 0.7 * CELL_M;
-            let steps = ((range - BEFORE_END_M).min(2.0 * REACH_M) / step_m).max(0.0) as usize;
+            let across = (line.x * p.nx + line.y * p.ny).abs() / range;
+            let before_m = (BEFORE_SURFACE_M / across).min(BEFORE_END_M);
+            let steps = ((range - before_m).min(2.0 * REACH_M) / step_m).max(0.0) as usize;
             for step in 1..=steps {
                 let at = laser + line * (step as f32 * step_m / range);
                 if let Some(cell) = self.cell(at.x, at.y)

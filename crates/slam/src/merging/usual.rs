@@ -1,5 +1,6 @@
 use super::common_ground::{CommonGround, Seen};
 use super::estimate::Usual;
+use super::surroundings::Doubt;
 use crate::SlamConfig;
 use crate::loop_closing::Verifier;
 use crate::map::Map;
@@ -33,12 +34,15 @@ pub(super) fn usual(map: &Map, islands: &Islands, grid: &PatchGrid, config: &Sla
         .collect();
     let seen_through = (USUAL_CLOSURES * USUALLY_THROUGH + through.iter().sum::<f64>())
         / (USUAL_CLOSURES + through.len() as f64);
-    let visits = |r: &Relation| Seen { place: r.to, from: r.from, from_place: r.from_from_to.mean };
+    let visits = |r: &Relation| {
+        let from_place = r.from_from_to.mean;
+        Seen { place: r.to, from: r.from, from_place, doubt: Doubt::NONE }
+    };
     let seen: Vec<Seen> = looked_at.iter().map(visits).collect();
     let ground = CommonGround::of(map, grid, &islands.of, &seen, |seen, patch, is_place| {
         is_of_visit(map, seen, patch, is_place)
     });
-    Usual { seen_through, compared_m: ground.compared_m, contradicted_m: ground.contradicted_m }
+    Usual { seen_through, compared_m: ground.compared_m, pieces: ground.pieces }
 }
 
 /// True for the robot's patches that were taken nearer in time to the one visit than to the other.

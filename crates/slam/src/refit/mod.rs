@@ -2,17 +2,20 @@
 
 mod breadth_first;
 mod graphs;
+mod grid;
+mod memory;
 mod overlaps;
 mod relocalise;
 mod smoother;
 
+pub(crate) use memory::Memory;
 pub(crate) use relocalise::relocalise;
 
 use crate::SlamConfig;
 use crate::elevation::estimate_elevations;
 use crate::map::Map;
 use breadth_first::refit_breadth_first;
-use geometry::{LieGroup, Matrix3, Pose2};
+use geometry::{Matrix3, Pose2};
 use graphs::IslandGraphs;
 use manifold::{Islands, PatchId, Provenance, Relation, RelationId, Retraction};
 use matching::{FastMatcher, FastSettings, FieldSettings};
@@ -152,10 +155,10 @@ fn find_contradicted(
 const CONTRADICTED_WEIGHT: f64 = 0.15;
 
 /// Places all patches anew from nothing but the relations that hold: every island in the frame of
-/// its first patch, from the fewest relations to each patch, then optimised until nothing moves.
+/// its first patch, from the fewest relations to each patch, then optimised.
 ///
-/// The poses are a function of the relations: how the map came about, what was believed meanwhile
-/// and what has been taken back leaves no trace.
+/// The poses are a function of the relations, the start included: how the map came about, what was
+/// believed meanwhile and what has been taken back leaves no trace.
 pub(crate) fn settle(map: &mut Map, config: &SlamConfig) {
     let islands = map.manifold.component_map();
     let placed = islands.members.par_iter().flat_map_iter(|island| laid_out(map, island[0]));
@@ -193,10 +196,10 @@ pub(crate) fn doubt_relations(
     if doubted.is_empty() { Vec::new() } else { graphs::doubt(map, island, doubted) }
 }
 
-/// The refit that is configured; how many overlaps it measured.
-pub(crate) fn refit(map: &mut Map, config: &SlamConfig) -> usize {
+/// The refit that is configured; how many overlaps took part.
+pub(crate) fn refit(map: &mut Map, config: &SlamConfig, memory: &mut Memory) -> usize {
     match config.refit.method {
-        RefitMethod::Global => refit_globally(map, config),
+        RefitMethod::Global => refit_globally(map, config, memory),
         RefitMethod::BreadthFirst => {
             refit_breadth_first(map, config);
             0
@@ -208,16 +211,16 @@ pub(crate) fn refit(map: &mut Map, config: &SlamConfig) -> usize {
 /// The global pass: measure how all overlapping patches fit, re-estimate all poses, repeat with a
 /// narrower kernel. Relations of the run keep the map together where nothing overlaps; odometry
 /// keeps it straight along walls without features.
-fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
-    let matcher = &config.refit_matcher();
+fn refit_globally(map: &mut Map, config: &SlamConfig, memory: &mut Memory) -> usize {
     let settings = &config.refit;
     let islands = map.manifold.component_map();
-    let mut measured = 0;
+    let mut counting = 0;
+    memory.overlaps.resize(settings.rounds, Vec::new());
     for round in 0..settings.rounds {
         let shrink = 0.6f64.powi(round as i32);
         let kernel = (settings.kernel_start_m * shrink).max(settings.kernel_end_m);
-        let overlaps = measure_overlaps(map, &islands, matcher, config, kernel as f32);
-        measured += overlaps.len();
+        let last = &memory.overlaps[round];
+        let overlaps = measure_overlaps(map, &islands, config, kernel as f32, last);
         let mut graphs = IslandGraphs::new(map, &islands);
         graphs.add_relations(map, |r| relation_share(map, r));
         for way in map.manifold.ways() {
@@ -226,12 +229,14 @@ fn refit_globally(map: &mut Map, config: &SlamConfig) -> usize {
             let (from, to) = (way.from.0.into(), way.to.0.into());
             graphs.add(Edge::new(from, to, motion.mean, information, EdgeKind::Closure));
         }
-        for overlap in &overlaps {
+        for overlap in overlaps.iter().flatten().filter(|overlap| overlap.counts) {
             graphs.add(overlap.edge());
+            counting += 1;
         }
         graphs.solve(map, &settings.quickly());
+        memory.overlaps[round] = overlaps;
     }
-    measured
+    counting
 }
 
 /// Relations of the run see what overlaps see; beside them they only count this much.
@@ -255,9 +260,9 @@ impl RefitSettings {
         }
     }
 
-    /// How poses are optimised where the answer must not depend on the start.
+    /// How poses are optimised from far away: until what is left to gain is far below what shows.
     fn strictly(&self) -> Settings {
-        Settings { max_iterations: 100, relative_tolerance: 1e-12, ..self.quickly() }
+        Settings { max_iterations: 100, relative_tolerance: 1e-6, ..self.quickly() }
     }
 }
 
@@ -277,7 +282,6 @@ impl SlamConfig {
 impl Overlap {
     fn edge(&self) -> Edge<Pose2, 3> {
         let (from, to) = (self.from.0.into(), self.to.0.into());
-        let mean = self.believed.retract(&self.step);
-        Edge::new(from, to, mean, self.information, EdgeKind::Closure)
+        Edge::new(from, to, self.from_from_to, self.information, EdgeKind::Closure)
     }
 }

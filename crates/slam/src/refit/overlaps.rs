@@ -1,87 +1,144 @@
+use super::grid::{Grid, GridPose};
 use crate::SlamConfig;
 use crate::active_submap::lay_field;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
-use geometry::{Matrix3, Pose2, Vector3};
-use manifold::{Islands, PatchId};
+use geometry::{LieGroup, Matrix3, Pose2, Vector3, wrap_angle};
+use manifold::{Islands, Patch, PatchId};
 use matching::{FastMatcher, SurfelField};
 use rayon::prelude::*;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
-/// How two overlapping patches fit at the present estimate: the quadratic model of the fit's cost.
+/// Where overlaps are measured: a twentieth of the roughness of surfaces (`FieldSettings`). The fit
+/// found is next to the same, and a retraction leaves nearly all of them at their places.
+const GRID: Grid = Grid::of(5e-4);
+
+/// How two patches fit at a pose close to the present estimate: the minimum of the quadratic model
+/// of the fit's cost.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Overlap {
     pub from: PatchId,
     pub to: PatchId,
-    /// Present `from_from_to`.
-    pub believed: Pose2,
-    /// Right perturbation of it that fits better.
-    pub step: Vector3<f64>,
+    /// `from_from_to` where the fit was measured.
+    at: GridPose,
+    /// It depends on the two scans and on `at` alone.
+    lasts: bool,
+    /// They see enough of the same surfaces for this to count.
+    pub counts: bool,
+    /// `from_from_to` that fits better.
+    pub from_from_to: Pose2,
     pub information: Matrix3<f64>,
 }
 
-/// Measures every pair of patches that see the same surfaces, in both directions.
-pub(crate) fn measure_overlaps(
+/// For every patch what was measured from it, in the order in which it was tried.
+pub(crate) type Overlaps = Vec<Vec<Overlap>>;
+
+/// Measures every pair of patches that see the same surfaces, in both directions. What `last` has
+/// of it already is taken from there.
+pub(super) fn measure_overlaps(
     map: &Map,
     islands: &Islands,
-    matcher: &FastMatcher,
     config: &SlamConfig,
     kernel_m: f32,
-) -> Vec<Overlap> {
+    last: &Overlaps,
+) -> Overlaps {
     let near = PatchGrid::new(map, islands, config.refit.overlap_distance_m);
-    let ids: Vec<PatchId> =
-        map.manifold.patches().iter().filter(|p| !p.left_out).map(|p| p.id).collect();
+    let measuring = Measuring { map, config, matcher: config.refit_matcher(), kernel_m };
     let field = SurfelField::new(config.refit_field(), (0.0, 0.0), (0.0, 0.0));
     // Fixed blocks, results in order: the same whatever the number of threads.
-    ids.par_chunks(32)
+    map.manifold
+        .patches()
+        .par_chunks(32)
         .map_init(
             || field.clone(),
             |scratch, block| {
-                let of = |&from: &PatchId| {
+                let of = |patch: &Patch| {
+                    if patch.left_out {
+                        return Vec::new();
+                    }
                     let distance_m = config.refit.overlap_distance_m;
-                    let island = islands.of[from.index()];
-                    let others = neighbours_of(from, map, &near, island, distance_m);
-                    overlaps_of(from, &others, map, scratch, matcher, config, kernel_m)
+                    let island = islands.of[patch.id.index()];
+                    let others = neighbours_of(patch.id, map, &near, island, distance_m);
+                    let known = last.get(patch.id.index()).map_or(&[][..], Vec::as_slice);
+                    measuring.overlaps_of(patch.id, others, known, scratch)
                 };
-                block.iter().flat_map(of).collect::<Vec<_>>()
+                block.iter().map(of).collect::<Vec<_>>()
             },
         )
         .flatten_iter()
         .collect()
 }
 
-fn overlaps_of(
-    from: PatchId,
-    others: &[(PatchId, Pose2)],
-    map: &Map,
-    scratch: &mut SurfelField,
-    matcher: &FastMatcher,
-    config: &SlamConfig,
+/// What the measurements of a round have in common.
+struct Measuring<'a> {
+    map: &'a Map,
+    config: &'a SlamConfig,
+    matcher: FastMatcher,
     kernel_m: f32,
-) -> Vec<Overlap> {
-    let settings = &config.refit;
-    lay_field(scratch, map, &[(from, Pose2::IDENTITY)], f64::from(config.refit.reach_m));
-    let mut overlaps = Vec::with_capacity(settings.overlaps_per_patch);
-    for &(to, believed) in others {
-        if overlaps.len() >= settings.overlaps_per_patch {
-            break;
+}
+
+impl Measuring<'_> {
+    /// The overlaps of a patch with the first of `others` that count.
+    fn overlaps_of(
+        &self,
+        from: PatchId,
+        others: impl Iterator<Item = (PatchId, Pose2)>,
+        known: &[Overlap],
+        scratch: &mut SurfelField,
+    ) -> Vec<Overlap> {
+        let settings = &self.config.refit;
+        let mut is_laid = false;
+        let mut overlaps = Vec::with_capacity(known.len().max(settings.overlaps_per_patch));
+        let mut counting = 0;
+        for (to, believed) in others {
+            if counting >= settings.overlaps_per_patch {
+                break;
+            }
+            let at = GRID.nearest(&believed);
+            let overlap = known
+                .iter()
+                .find(|o| {
+                    o.to == to && o.at == at && o.lasts && self.is_the_same_in_any_map(from, to)
+                })
+                .copied();
+            let overlap = overlap.unwrap_or_else(|| {
+                if !is_laid {
+                    let members = [(from, Pose2::IDENTITY)];
+                    lay_field(scratch, self.map, &members, f64::from(settings.reach_m));
+                    is_laid = true;
+                }
+                self.measure(from, to, at, scratch)
+            });
+            counting += usize::from(overlap.counts);
+            overlaps.push(overlap);
         }
-        let (h, g, share) =
-            matcher.quadratic(scratch, &map.comparable_surface(from, to), &believed, kernel_m);
-        if share < settings.overlap_share {
-            continue;
-        }
-        let mut information = h / (config.match_correlation * settings.overlap_sharing);
-        let mut gradient = g / (config.match_correlation * settings.overlap_sharing);
-        if !(map.is_level(from) && map.is_level(to)) {
+        overlaps
+    }
+
+    fn is_the_same_in_any_map(&self, from: PatchId, to: PatchId) -> bool {
+        self.map.is_the_same_in_any_map(from) && self.map.is_the_same_in_any_map(to)
+    }
+
+    /// Measures how `to` fits the surfaces of `from`, which are laid in `field`.
+    fn measure(&self, from: PatchId, to: PatchId, at: GridPose, field: &SurfelField) -> Overlap {
+        let settings = &self.config.refit;
+        let pose = GRID.pose(at);
+        let surface = self.map.comparable_surface(from, to);
+        let (h, g, share) = self.matcher.quadratic(field, &surface, &pose, self.kernel_m);
+        let sharing = self.config.match_correlation * settings.overlap_sharing;
+        let (mut information, mut gradient) = (h / sharing, g / sharing);
+        if !(self.map.is_level(from) && self.map.is_level(to)) {
             forget_what_is_not_observed(&mut information, &mut gradient);
         }
         // Directions that nothing observes stay where they are.
-        let damped = information + Matrix3::identity();
-        let Some(factor) = damped.cholesky() else { continue };
-        let step = -factor.solve(&gradient);
-        overlaps.push(Overlap { from, to, believed, step, information });
+        let damped = (information + Matrix3::identity()).cholesky();
+        let step = damped.map(|factor| -factor.solve(&gradient));
+        let counts = step.is_some() && share >= settings.overlap_share;
+        let from_from_to = step.map_or(pose, |step| pose.retract(&step));
+        let lasts = self.is_the_same_in_any_map(from, to);
+        Overlap { from, to, at, lasts, counts, from_from_to, information }
     }
-    overlaps
 }
 
 /// A direction with a smaller share of the best one's information is not observed.
@@ -113,15 +170,17 @@ fn neighbours_of(
     near: &PatchGrid,
     island: u32,
     radius_m: f64,
-) -> Vec<(PatchId, Pose2)> {
+) -> impl Iterator<Item = (PatchId, Pose2)> {
     let own = map.pose(patch);
-    let mut found: Vec<(f64, PatchId, Pose2)> = near
-        .within(map, island, &own, radius_m)
-        .into_iter()
-        .filter(|&other| other != patch && !map.manifold.apart_in_height(patch, other))
-        .map(|other| (other, own.between(&map.pose(other))))
-        .map(|(other, pose)| (pose.norm() + pose.yaw.abs(), other, pose))
-        .collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    found.into_iter().map(|(_, other, pose)| (other, pose)).collect()
+    let apart = move |other: &Pose2| own.distance(other) + wrap_angle(other.yaw - own.yaw).abs();
+    let others = near
+        .around(island, own, radius_m)
+        .filter(move |(other, _)| *other != patch && !map.manifold.apart_in_height(patch, *other));
+    // Of many the first few are wanted. Numbers that are not negative order as their bits do.
+    let others = others.map(|(other, pose)| Reverse((apart(pose).to_bits(), *other)));
+    let mut nearest: BinaryHeap<Reverse<(u64, PatchId)>> = others.collect();
+    std::iter::from_fn(move || {
+        let Reverse((_, other)) = nearest.pop()?;
+        Some((other, own.between(&map.pose(other))))
+    })
 }

@@ -3,10 +3,10 @@ mod resuming;
 pub use resuming::{StoredScan, StoredTeam};
 
 use crate::elevation::forget_ground;
-use crate::loop_closing::{LoopCloser, relate};
+use crate::loop_closing::{BetweenRobots, relate};
 use crate::map::Map;
 use crate::merging::{IslandLandmark, Merge, MergeState, Merger, places_of};
-use crate::refit::{optimise_relations, reconsider_relations, refit, relocalise, settle};
+use crate::refit::{Memory, optimise_relations, reconsider_relations, refit, relocalise, settle};
 use crate::track::{ScanPose, ScanRecord};
 use crate::{BadStretch, Event, Mapper, SlamConfig, Stage, StageObserver, Statistics, Unobserved};
 use geometry::Pose2;
@@ -25,6 +25,8 @@ pub struct Team {
     merges: Vec<Merge>,
     statistics: Statistics,
     observer: Box<dyn StageObserver>,
+    /// What the last rebuild measured.
+    memory: Memory,
 }
 
 /// Searches for closures between robots; hardly anything is left to be found by the last.
@@ -61,8 +63,15 @@ impl Team {
 
     /// A team whose stages are reported to `observer`.
     pub fn observed(config: SlamConfig, observer: Box<dyn StageObserver>) -> Self {
-        let (map, statistics) = (Map::default(), Statistics::default());
-        Team { config, map, tracks: Vec::new(), merges: Vec::new(), statistics, observer }
+        Team {
+            config,
+            map: Map::default(),
+            tracks: Vec::new(),
+            merges: Vec::new(),
+            statistics: Statistics::default(),
+            observer,
+            memory: Memory::default(),
+        }
     }
 
     /// Takes a robot into the team; its changes may follow.
@@ -119,6 +128,8 @@ impl Team {
             scan.pose = scan.found;
         }
         (track.statistics, track.bad) = (statistics, bad);
+        // Its patches may have been measured before they had all of their surfaces.
+        self.memory = Memory::default();
     }
 
     /// Makes a proposed or retracted relation part of the map, by the user's word, and with it all
@@ -216,9 +227,10 @@ impl Team {
     /// rest better known, so that the search is repeated while it finds something.
     pub fn close_loops(&mut self) {
         let config = self.config;
+        let mut between = BetweenRobots::default();
         for _ in 0..MOST_SEARCHES {
             let (closures, statistics) =
-                self.timed(Stage::LoopClosing, |t| LoopCloser::between_robots(&t.map, &config));
+                self.timed(Stage::LoopClosing, |t| between.search(&t.map, &config));
             self.statistics.closures = self.statistics.closures + statistics;
             if closures.is_empty() {
                 break;
@@ -242,18 +254,18 @@ impl Team {
 
     /// Makes the map anew from the relations that hold, the ways driven and the scans: places every
     /// patch, refits each island, and places every scan. The result does not depend on what was
-    /// part of the map before.
+    /// part of the map before; what was measured then and would be measured again is taken over.
     pub fn rebuild(&mut self) {
         self.review_merges();
         let config = self.config;
         self.timed(Stage::Optimisation, |t| settle(&mut t.map, &config));
         forget_ground(&mut self.map, &config.elevation);
-        let measured = self.timed(Stage::Refit, |t| refit(&mut t.map, &config));
+        let measured = self.timed(Stage::Refit, |t| refit(&mut t.map, &config, &mut t.memory));
         self.statistics.overlaps += measured;
         self.timed(Stage::Relocalisation, |t| {
             let mut tracks: Vec<&mut [ScanRecord]> =
                 t.tracks.iter_mut().map(|track| &mut track.scans[..]).collect();
-            relocalise(&t.map, &mut tracks, &config);
+            relocalise(&t.map, &mut tracks, &config, &mut t.memory);
         });
         // As the map is now: what it derives must follow from what is kept of it.
         forget_ground(&mut self.map, &config.elevation);

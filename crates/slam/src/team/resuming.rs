@@ -79,7 +79,7 @@ impl Team {
         }
         let mut map = Map { manifold, surfaces, ..Map::default() };
         recall_ground(&mut map, &config.elevation);
-        Team { config, map, tracks, merges, statistics: Statistics::default(), observer }
+        Team { map, tracks, merges, ..Team::observed(config, observer) }
     }
 
     /// Prepares for a robot's log to be mapped once more from its beginning, when only a part of it
