@@ -100,11 +100,6 @@ pub(super) fn decades(observed: &Observed, usual: &Usual) -> f64 {
     either.log10() + against(observed, usual)
 }
 
-/// [`decades`] for a merge that is wrong only if the building looks alike.
-pub(super) fn decades_if_alike(observed: &Observed, usual: &Usual) -> f64 {
-    alike(observed, usual) + against(observed, usual)
-}
-
 fn alike(observed: &Observed, usual: &Usual) -> f64 {
     places(observed) + surfaces(observed, usual, &ALIKE, observed.compared_m)
 }
