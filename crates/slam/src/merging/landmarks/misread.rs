@@ -1,0 +1,40 @@
+//! Landmarks that two islands know by different ids at the same place: one of the ids was read
+//! wrong.
+
+use super::alignment::{Islands, Pairing};
+use super::consensus::{Consensus, GATE_CHI2, spread};
+use std::f64::consts::PI;
+
+/// All pairs of landmarks of a kind whose ids differ and that no member of a set has taken.
+pub(super) fn misread_pairings(islands: &Islands, set: &Consensus) -> Vec<Pairing> {
+    let mut pairings = Vec::new();
+    for (target, t) in islands.target.landmarks.iter().enumerate() {
+        for (source, s) in islands.source.landmarks.iter().enumerate() {
+            let is_free = set.members.iter().all(|m| m.target != target && m.source != source);
+            let differ = t.id.is_some() && s.id.is_some() && t.id != s.id;
+            if is_free && differ && t.kind == s.kind {
+                pairings.push(Pairing { target, source });
+            }
+        }
+    }
+    pairings
+}
+
+/// How much less likely a wrong alignment becomes where so many of some pairings cover each other
+/// by it. If it is right, an id is read wrong with the chance `wrong`; if it is not, landmarks are
+/// there by accident: so many among all pairings.
+pub(super) fn by_accident(
+    islands: &Islands,
+    set: &Consensus,
+    pairings: &[Pairing],
+    covered: usize,
+    wrong: f64,
+) -> f64 {
+    let Some(from) = islands.middle(&set.members) else { return 1.0 };
+    let area = |p: &Pairing| {
+        let spread = spread(islands, *p, from, &set.target_from_source, false);
+        PI * GATE_CHI2[1] * spread.determinant().max(0.0).sqrt() / islands.target.area_m2
+    };
+    let expected: f64 = pairings.iter().map(area).sum();
+    (expected / wrong.max(f64::MIN_POSITIVE)).min(1.0).powi(covered as i32)
+}
