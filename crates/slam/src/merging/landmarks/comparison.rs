@@ -63,10 +63,13 @@ fn by_ids(islands: &Islands, settings: &LandmarkSettings) -> Option<LandmarkAlig
     let refused = ids.len() - agreeing.len();
     let ambiguous = set.rival >= set.members.len();
     if !ambiguous {
+        // Where ids say enough by themselves nothing is risked.
         let misread = misread_pairings(islands, &set);
-        let before = set.clone();
-        let covered = add(islands, &mut set, misread.clone());
-        false_bound *= by_accident(islands, &before, &misread, covered, shared.wrong);
+        if false_bound > settings.false_merges
+            && let Some(ratio) = by_accident(islands, &set, &misread, shared.wrong)
+        {
+            false_bound *= ratio.powi(add(islands, &mut set, misread) as i32);
+        }
         add(islands, &mut set, unnamed_pairings(islands));
     }
     Some(conclude(set, refused, false_bound))

@@ -20,21 +20,24 @@ pub(super) fn misread_pairings(islands: &Islands, set: &Consensus) -> Vec<Pairin
     pairings
 }
 
-/// How much less likely a wrong alignment becomes where so many of some pairings cover each other
-/// by it. If it is right, an id is read wrong with the chance `wrong`; if it is not, landmarks are
-/// there by accident: so many among all pairings.
+/// An alignment must become ten times as sure by a pair, as by a match of scans; else the pair may
+/// as well be there by accident.
+const MOST_LIKELY: f64 = 0.1;
+
+/// How much less likely a wrong alignment becomes by every one of some pairings that covers each
+/// other. If it is right, an id is read wrong with the chance `wrong`; if it is not, landmarks are
+/// there by accident: so many among all pairings. `None` where that says too little.
 pub(super) fn by_accident(
     islands: &Islands,
     set: &Consensus,
     pairings: &[Pairing],
-    covered: usize,
     wrong: f64,
-) -> f64 {
-    let Some(from) = islands.middle(&set.members) else { return 1.0 };
+) -> Option<f64> {
+    let from = islands.middle(&set.members)?;
     let area = |p: &Pairing| {
         let spread = spread(islands, *p, from, &set.target_from_source, false);
         PI * GATE_CHI2[1] * spread.determinant().max(0.0).sqrt() / islands.target.area_m2
     };
-    let expected: f64 = pairings.iter().map(area).sum();
-    (expected / wrong.max(f64::MIN_POSITIVE)).min(1.0).powi(covered as i32)
+    let ratio = pairings.iter().map(area).sum::<f64>() / wrong;
+    (ratio <= MOST_LIKELY).then_some(ratio)
 }
