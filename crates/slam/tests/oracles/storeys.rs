@@ -54,6 +54,18 @@ fn storeys_of_one_plan_are_two_levels() {
     assert!(error <= 0.05, "{error} m");
 }
 
+/// A laser that tips where a ramp begins sees what lies at other heights: the robot is not lost.
+#[test]
+fn driving_onto_a_ramp_is_no_mishap() {
+    let driven = Storeys { storeys: 3, ..Storeys::default() }.record(&Robot::default(), 16);
+    let mut mapper = Mapper::new(SlamConfig::default());
+    for observation in driven.run.observations.iter().take(1200) {
+        mapper.step(observation.clone());
+    }
+    mapper.finish();
+    assert_eq!(mapper.bad_stretches(), []);
+}
+
 #[test]
 fn nothing_is_closed_between_storeys() {
     let manifold = &mapped().manifold;
