@@ -56,6 +56,13 @@ impl LevelMetrics {
         };
         levels.heights_m.iter().enumerate().map(metrics).collect()
     }
+
+    /// Of several levels the heights, for people.
+    pub fn all_to_text(levels: &[Self]) -> Option<String> {
+        let height = |level: &Self| format!("{:.1}", level.elevation_m);
+        let heights: Vec<String> = levels.iter().map(height).collect();
+        (heights.len() > 1).then(|| format!("{} levels at {} m", levels.len(), heights.join(", ")))
+    }
 }
 
 /// A scan where it was taken.
