@@ -217,16 +217,21 @@ impl Team {
     /// contradicts the rest, refits each and places every scan in it.
     pub fn finish(&mut self) {
         self.merge();
-        self.close_loops();
+        // Where robots met without knowing, their maps showed the same ground twice, a little apart,
+        // and others did not fit on both. Now they may.
+        if self.close_loops() && self.merge() {
+            self.close_loops();
+        }
         self.reconsider();
         self.rebuild();
     }
 
     /// Looks for places where robots of one island met without knowing: their maps hang together by
     /// where they were joined, and are bent against each other elsewhere. What is found makes the
-    /// rest better known, so that the search is repeated while it finds something.
-    pub fn close_loops(&mut self) {
+    /// rest better known, so that the search is repeated while it finds something. True if it did.
+    pub fn close_loops(&mut self) -> bool {
         let config = self.config;
+        let before = self.map.manifold.relations().len();
         let mut between = BetweenRobots::default();
         for _ in 0..MOST_SEARCHES {
             let (closures, statistics) =
@@ -241,6 +246,7 @@ impl Team {
             self.statistics.optimisations += 1;
             self.statistics.closures.retracted += retracted.len();
         }
+        self.map.manifold.relations().len() > before
     }
 
     /// Takes back closures and merges, however early they were made, that by now contradict the
@@ -319,10 +325,11 @@ impl Team {
     }
 
     /// Joins islands where evidence says how they lie to each other; the poses are those of the
-    /// relations until [`Team::rebuild`].
-    pub fn merge(&mut self) {
-        if !self.config.merging.enabled || self.map.manifold.component_map().members.len() < 2 {
-            return;
+    /// relations until [`Team::rebuild`]. True if any were joined.
+    pub fn merge(&mut self) -> bool {
+        let islands = self.map.manifold.islands().len();
+        if !self.config.merging.enabled || islands < 2 {
+            return false;
         }
         let config = self.config;
         let merger = self.timed(Stage::Merging, |t| {
@@ -337,6 +344,7 @@ impl Team {
         self.statistics.closures.retracted += merger.contradicted;
         self.statistics.places_compared += merger.tried;
         self.merges.extend(merger.merges);
+        self.map.manifold.islands().len() < islands
     }
 
     fn repeat(&mut self, robot: RobotId, change: &Change) {
