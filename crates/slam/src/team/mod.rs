@@ -29,6 +29,8 @@ pub struct Team {
     memory: Memory,
 }
 
+/// Rounds of joining islands and closing the loops between their robots, after the first.
+const MOST_ROUNDS: usize = 4;
 /// Searches for closures between robots; hardly anything is left to be found by the last.
 const MOST_SEARCHES: usize = 4;
 
@@ -216,11 +218,14 @@ impl Team {
     /// The global pass: joins islands, closes loops between the robots of each, takes back what
     /// contradicts the rest, refits each and places every scan in it.
     pub fn finish(&mut self) {
-        self.merge();
-        // Where robots met without knowing, their maps showed the same ground twice, a little apart,
-        // and others did not fit on both. Now they may.
-        if self.close_loops() && self.merge() {
+        // Where robots met without knowing, their maps show the same ground twice, a little apart,
+        // until the loops between them are closed, and others fit on neither.
+        self.merge_by(Merger::begin);
+        self.close_loops();
+        let mut rounds = 0;
+        while rounds < MOST_ROUNDS && self.merge() {
             self.close_loops();
+            rounds += 1;
         }
         self.reconsider();
         self.rebuild();
@@ -228,10 +233,9 @@ impl Team {
 
     /// Looks for places where robots of one island met without knowing: their maps hang together by
     /// where they were joined, and are bent against each other elsewhere. What is found makes the
-    /// rest better known, so that the search is repeated while it finds something. True if it did.
-    pub fn close_loops(&mut self) -> bool {
+    /// rest better known, so that the search is repeated while it finds something.
+    pub fn close_loops(&mut self) {
         let config = self.config;
-        let before = self.map.manifold.relations().len();
         let mut between = BetweenRobots::default();
         for _ in 0..MOST_SEARCHES {
             let (closures, statistics) =
@@ -246,7 +250,6 @@ impl Team {
             self.statistics.optimisations += 1;
             self.statistics.closures.retracted += retracted.len();
         }
-        self.map.manifold.relations().len() > before
     }
 
     /// Takes back closures and merges, however early they were made, that by now contradict the
@@ -327,6 +330,10 @@ impl Team {
     /// Joins islands where evidence says how they lie to each other; the poses are those of the
     /// relations until [`Team::rebuild`]. True if any were joined.
     pub fn merge(&mut self) -> bool {
+        self.merge_by(Merger::run)
+    }
+
+    fn merge_by(&mut self, work: fn(&mut Merger, &mut Map, &[&[ScanRecord]], &SlamConfig)) -> bool {
         let islands = self.map.manifold.islands().len();
         if !self.config.merging.enabled || islands < 2 {
             return false;
@@ -335,7 +342,7 @@ impl Team {
         let merger = self.timed(Stage::Merging, |t| {
             let mut merger = Merger::default();
             let tracks: Vec<_> = t.tracks.iter().map(|track| &track.scans[..]).collect();
-            merger.run(&mut t.map, &tracks, &config);
+            work(&mut merger, &mut t.map, &tracks, &config);
             merger
         });
         // What may be merged was looked at anew.
