@@ -26,6 +26,9 @@ pub(crate) struct Merger {
 
 /// Provisional merges less likely than this are not worth telling.
 const WORTH_TELLING: f64 = 0.1;
+/// Passes of comparisons before the loops between joined islands are closed; most of what can be
+/// joined is by then.
+const FIRST_PASSES: usize = 1;
 /// Of a provisional merge so many relations are put on record.
 const MOST_PROVISIONAL: usize = 10;
 
@@ -43,17 +46,26 @@ struct State {
 }
 
 impl Merger {
+    /// Joins islands by the places that look most alike, as long as the evidence suffices: what
+    /// can be joined before the loops between the joined islands' robots are closed. What falls
+    /// short is not told yet.
+    pub fn begin(&mut self, map: &mut Map, tracks: &[&[ScanRecord]], config: &SlamConfig) {
+        if config.merging.geometry {
+            let mut geometry = GeometricMerging::new(map, config);
+            let mut state = State::new(map, tracks, config);
+            self.look(map, tracks, &mut state, &mut geometry, FIRST_PASSES, config);
+            self.conclude(map, Some(&geometry));
+        }
+    }
+
     /// Joins islands as long as the evidence suffices. Where nothing joins any more further places
     /// are compared; landmarks decide alone when all places were heard. `tracks` are the robots'
     /// scans, in the order of the robots.
     pub fn run(&mut self, map: &mut Map, tracks: &[&[ScanRecord]], config: &SlamConfig) {
         let mut geometry = config.merging.geometry.then(|| GeometricMerging::new(map, config));
         let mut state = State::new(map, tracks, config);
-        while let Some(geometry) = &mut geometry
-            && state.islands.members.len() > 1
-            && geometry.look(map, &state.islands, config)
-        {
-            self.join_by_places(map, tracks, &mut state, geometry, true, config);
+        if let Some(geometry) = &mut geometry {
+            self.look(map, tracks, &mut state, geometry, usize::MAX, config);
         }
         let left = loop {
             let State { by_places, by_landmarks, .. } = &state;
@@ -67,8 +79,30 @@ impl Merger {
                 self.join_by_places(map, tracks, &mut state, geometry, false, config);
             }
         };
-        self.tried += geometry.as_ref().map_or(0, GeometricMerging::tried);
         self.put_on_record(map, &state.islands, &left);
+        self.conclude(map, geometry.as_ref());
+    }
+
+    /// Compares places in `passes` at most, and joins islands after each.
+    fn look(
+        &mut self,
+        map: &mut Map,
+        tracks: &[&[ScanRecord]],
+        state: &mut State,
+        geometry: &mut GeometricMerging,
+        passes: usize,
+        config: &SlamConfig,
+    ) {
+        for _ in 0..passes {
+            if state.islands.members.len() < 2 || !geometry.look(map, &state.islands, config) {
+                break;
+            }
+            self.join_by_places(map, tracks, state, geometry, true, config);
+        }
+    }
+
+    fn conclude(&mut self, map: &Map, geometry: Option<&GeometricMerging>) {
+        self.tried += geometry.map_or(0, GeometricMerging::tried);
         // A merge whose relations were all found wrong is none.
         let holds = |id: &RelationId| map.manifold.relation(*id).is_active();
         self.merges.retain(|m| m.state != MergeState::Merged || m.relations.iter().any(holds));

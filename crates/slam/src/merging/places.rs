@@ -36,6 +36,8 @@ impl Look {
 #[derive(Clone, Debug, Default)]
 pub(super) struct PlaceIndex {
     pub places: Vec<Place>,
+    /// How many of them each island has.
+    counts: Vec<usize>,
 }
 
 impl PlaceIndex {
@@ -47,13 +49,20 @@ impl PlaceIndex {
             island: islands.of[patch.index()],
             look: Look::of(&signature_of(patch, map, limits)),
         };
-        PlaceIndex { places: chosen.par_iter().map(place).collect() }
+        let places: Vec<Place> = chosen.par_iter().map(place).collect();
+        let mut counts = vec![0; islands.members.len()];
+        places.iter().for_each(|p| counts[p.island as usize] += 1);
+        PlaceIndex { places, counts }
     }
 
     /// The `most` places on other islands that look most like a place, best first, those of one
-    /// island at least `apart_m` from each other.
+    /// island at least `apart_m` from each other. A place is not looked for on much smaller islands.
     pub fn alike(&self, map: &Map, query: &Place, most: usize, apart_m: f64) -> Vec<Place> {
-        let others = self.places.iter().enumerate().filter(|(_, p)| p.island != query.island);
+        let count = |place: &Place| self.counts[place.island as usize];
+        let is_asked = |other: &Place| {
+            other.island != query.island && count(query) < MUCH_LARGER * count(other)
+        };
+        let others = self.places.iter().enumerate().filter(|(_, p)| is_asked(p));
         let mut ranked: Vec<(u32, usize)> =
             others.map(|(i, p)| (p.look.distance2(&query.look), i)).collect();
         // Enough to choose from; the rest need not be sorted.
@@ -83,6 +92,10 @@ impl PlaceIndex {
     }
 }
 
+/// Of two islands one of which has so many times the other's places the smaller one's are looked for
+/// on the larger one and not the other way round: what is compared is bounded by what is left to be
+/// joined.
+const MUCH_LARGER: usize = 4;
 /// Of so many times as many places as wanted those too near to a better one are left out.
 const CHOICE: usize = 4;
 

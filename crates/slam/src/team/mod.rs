@@ -29,6 +29,8 @@ pub struct Team {
     memory: Memory,
 }
 
+/// Rounds of joining islands and closing the loops between their robots, after the first.
+const MOST_ROUNDS: usize = 4;
 /// Searches for closures between robots; hardly anything is left to be found by the last.
 const MOST_SEARCHES: usize = 4;
 
@@ -216,8 +218,15 @@ impl Team {
     /// The global pass: joins islands, closes loops between the robots of each, takes back what
     /// contradicts the rest, refits each and places every scan in it.
     pub fn finish(&mut self) {
-        self.merge();
+        // Where robots met without knowing, their maps show the same ground twice, a little apart,
+        // until the loops between them are closed, and others fit on neither.
+        self.merge_by(Merger::begin);
         self.close_loops();
+        let mut rounds = 0;
+        while rounds < MOST_ROUNDS && self.merge() {
+            self.close_loops();
+            rounds += 1;
+        }
         self.reconsider();
         self.rebuild();
     }
@@ -319,16 +328,21 @@ impl Team {
     }
 
     /// Joins islands where evidence says how they lie to each other; the poses are those of the
-    /// relations until [`Team::rebuild`].
-    pub fn merge(&mut self) {
-        if !self.config.merging.enabled || self.map.manifold.component_map().members.len() < 2 {
-            return;
+    /// relations until [`Team::rebuild`]. True if any were joined.
+    pub fn merge(&mut self) -> bool {
+        self.merge_by(Merger::run)
+    }
+
+    fn merge_by(&mut self, work: fn(&mut Merger, &mut Map, &[&[ScanRecord]], &SlamConfig)) -> bool {
+        let islands = self.map.manifold.islands().len();
+        if !self.config.merging.enabled || islands < 2 {
+            return false;
         }
         let config = self.config;
         let merger = self.timed(Stage::Merging, |t| {
             let mut merger = Merger::default();
             let tracks: Vec<_> = t.tracks.iter().map(|track| &track.scans[..]).collect();
-            merger.run(&mut t.map, &tracks, &config);
+            work(&mut merger, &mut t.map, &tracks, &config);
             merger
         });
         // What may be merged was looked at anew.
@@ -337,6 +351,7 @@ impl Team {
         self.statistics.closures.retracted += merger.contradicted;
         self.statistics.places_compared += merger.tried;
         self.merges.extend(merger.merges);
+        self.map.manifold.islands().len() < islands
     }
 
     fn repeat(&mut self, robot: RobotId, change: &Change) {
