@@ -56,6 +56,13 @@ impl LevelMetrics {
         };
         levels.heights_m.iter().enumerate().map(metrics).collect()
     }
+
+    /// Of several levels the heights, for people.
+    pub fn all_to_text(levels: &[Self]) -> Option<String> {
+        let height = |level: &Self| format!("{:.1}", level.elevation_m);
+        let heights: Vec<String> = levels.iter().map(height).collect();
+        (heights.len() > 1).then(|| format!("{} levels at {} m", levels.len(), heights.join(", ")))
+    }
 }
 
 /// A scan where it was taken.
@@ -78,17 +85,26 @@ impl PlacedScan {
 /// A robot's path: where it was, and the patch that this hangs on.
 pub type HangingPath = Vec<(PatchId, Pose2)>;
 
-/// The scans of patches without what they saw of the ground; patches that are left out are not
-/// drawn.
-pub fn walls_of(manifold: &Manifold, patches: &[PatchId], config: &Config) -> Vec<PlacedScan> {
-    let ground = KnownGround::new(manifold, &config.slam.elevation);
+/// The scans of patches; those that are left out are not drawn.
+pub fn patch_scans(manifold: &Manifold, patches: &[PatchId]) -> Vec<PlacedScan> {
     let patches = patches.iter().map(|id| manifold.patch(*id)).filter(|patch| !patch.left_out);
-    let wall = |patch: &Patch| PlacedScan {
+    let placed = |patch: &Patch| PlacedScan {
         patch: patch.id,
         map_from_laser: patch.island_from_patch * patch.base_from_laser,
-        scan: ground.walls_of(patch.id),
+        scan: Arc::clone(&patch.scan),
     };
-    patches.map(wall).collect()
+    patches.map(placed).collect()
+}
+
+/// Scans without what they saw of the ground.
+pub fn walls_of(manifold: &Manifold, scans: &[PlacedScan], config: &Config) -> Vec<PlacedScan> {
+    let ground = KnownGround::new(manifold, &config.slam.elevation);
+    let walls = |placed: &PlacedScan| {
+        let PlacedScan { patch, map_from_laser, ref scan } = *placed;
+        let patch_from_laser = manifold.patch(patch).island_from_patch.between(&map_from_laser);
+        PlacedScan { scan: ground.walls_in(scan, patch, &patch_from_laser), ..*placed }
+    };
+    scans.iter().map(walls).collect()
 }
 
 impl LevelMap {
@@ -111,7 +127,7 @@ impl LevelMap {
             };
             let pose = |id: PatchId| manifold.patch(id).island_from_patch;
             Ok(LevelMap {
-                title: format!("level {k}: {:.1} m", height_m + 0.0),
+                title: title(k, *height_m),
                 grid: OccupancyGrid::decide(&counts, &config.map.rule),
                 patches: levels.patches(k).map(pose).collect(),
                 paths: paths.iter().map(poses_here).collect(),
@@ -166,9 +182,21 @@ fn level_file(island: usize, level: usize, ending: &str) -> String {
     of_level(&map_file(island, ending), level)
 }
 
+/// What stands on a level's map.
+fn title(level: usize, height_m: f64) -> String {
+    // Adding zero takes the sign from a zero.
+    format!("level {level}: {:.1} m", (10.0 * height_m).round() / 10.0 + 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_height_is_less_than_nothing() {
+        assert_eq!(title(0, -0.03), "level 0: 0.0 m");
+        assert_eq!(title(1, 2.96), "level 1: 3.0 m");
+    }
 
     #[test]
     fn every_level_has_a_file_of_its_own() {

@@ -158,7 +158,8 @@ impl Metrics {
         for log in &self.logs {
             text.push_str(&log.to_text());
         }
-        if self.logs.len() > 1 || self.islands.len() > 1 || !self.merges.is_empty() {
+        let has_levels = self.islands.iter().any(|island| island.levels.len() > 1);
+        if self.logs.len() > 1 || self.islands.len() > 1 || has_levels || !self.merges.is_empty() {
             for (k, island) in self.islands.iter().enumerate() {
                 text.push_str(&format!("  island {}: {}\n", k + 1, island.to_text()));
             }
@@ -279,7 +280,13 @@ impl IslandMetrics {
 
     fn to_text(&self) -> String {
         let patches = grouped(self.patches as u64);
-        format!("{} ({patches} patches, {:.0} m)", title(&self.robots), self.path_m)
+        let levels = LevelMetrics::all_to_text(&self.levels).map(|text| format!(", {text}"));
+        format!(
+            "{} ({patches} patches, {:.0} m{})",
+            title(&self.robots),
+            self.path_m,
+            levels.unwrap_or_default()
+        )
     }
 }
 

@@ -2,7 +2,7 @@ use crate::config::Config;
 use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
 use crate::islands::{map_file, title};
 use crate::landmarks::{MappedLandmark, landmark_marks, landmarks_csv, landmarks_of};
-use crate::level_maps::{LevelMap, walls_of, write_levels};
+use crate::level_maps::{LevelMap, patch_scans, walls_of, write_levels};
 use crate::mapping::{MappedTeam, pose_graph};
 use crate::metrics::{Afterwards, Metrics};
 use crate::report::report;
@@ -49,7 +49,8 @@ impl Drawn {
         let levels = match manifold.levels(&members.patches) {
             levels if levels.heights_m.len() < 2 => Vec::new(),
             levels => {
-                let walls = walls_of(manifold, &members.patches, config);
+                let scans = patch_scans(manifold, &members.patches);
+                let walls = walls_of(manifold, &scans, config);
                 let paths = mapped.hanging_paths_on(island);
                 LevelMap::of_levels(manifold, &levels, &walls, &paths, grid.frame(), config)?
             }

@@ -1,6 +1,7 @@
 //! What is in a manifold file, in figures.
 
 use crate::islands::{Island, IslandList};
+use crate::level_maps::LevelMetrics;
 use crate::mapping::MERGES;
 use crate::metrics::merge_text;
 use crate::terminal::{counted, grouped};
@@ -15,9 +16,6 @@ use store::{RobotLog, SiteFile, StepSummary, provenance_name};
 
 /// Last steps that are told.
 const LAST_STEPS: usize = 5;
-/// Heights with a gap of more than this between them are different levels, metres: half the clear
-/// height of a low storey.
-const LEVEL_GAP_M: f64 = 1.1;
 /// Longer values of the metadata (a configuration) are shown in JSON only.
 const SHOWN: usize = 60;
 
@@ -73,13 +71,7 @@ struct IslandInfo {
     island: usize,
     patches: usize,
     robots: Vec<String>,
-    levels: Vec<LevelInfo>,
-}
-
-#[derive(Serialize)]
-struct LevelInfo {
-    height_m: f64,
-    patches: usize,
+    levels: Vec<LevelMetrics>,
 }
 
 #[derive(Default, Serialize)]
@@ -285,12 +277,11 @@ impl IslandInfo {
     }
 
     fn new(map: &Manifold, number: usize, island: &Island) -> Self {
-        let elevations = island.patches.iter().filter_map(|id| map.patch(*id).elevation);
         IslandInfo {
             island: number,
             patches: island.patches.len(),
             robots: island.robots.clone(),
-            levels: levels(elevations.map(|e| e.height_m).collect()),
+            levels: LevelMetrics::of(map, &island.patches),
         }
     }
 
@@ -301,23 +292,11 @@ impl IslandInfo {
             patches(self.patches),
             self.robots.join(", ")
         );
-        for level in &self.levels {
-            let _ = write!(text, "; {} at {:.1} m", patches(level.patches), level.height_m);
+        if let Some(levels) = LevelMetrics::all_to_text(&self.levels) {
+            let _ = write!(text, "; {levels}");
         }
         text
     }
-}
-
-/// Heights grouped where they are far apart: the mean of each group.
-fn levels(mut heights: Vec<f64>) -> Vec<LevelInfo> {
-    heights.sort_by(f64::total_cmp);
-    heights
-        .chunk_by(|a, b| b - a <= LEVEL_GAP_M)
-        .map(|level| LevelInfo {
-            height_m: level.iter().sum::<f64>() / level.len() as f64,
-            patches: level.len(),
-        })
-        .collect()
 }
 
 fn relation_counts(map: &Manifold) -> BTreeMap<&'static str, RelationCounts> {
@@ -392,12 +371,5 @@ mod tests {
         for (secs, expected) in cases {
             assert_eq!(utc(secs * 1_000_000_000), expected);
         }
-    }
-
-    #[test]
-    fn heights_far_apart_are_levels() {
-        let found = levels(vec![3.1, 0.0, 0.4, 2.9, -0.4]);
-        let found: Vec<_> = found.iter().map(|l| (l.patches, l.height_m)).collect();
-        assert_eq!(found, [(3, 0.0), (2, 3.0)]);
     }
 }

@@ -22,6 +22,11 @@ pub(crate) struct Map {
 /// reading.
 const SAME_PLANE_RAD: f64 = 0.04;
 
+/// True for lasers that sweep planes of about the same slope, each rise per metre along two axes.
+pub(crate) fn same_plane(one: &Vector2<f64>, other: &Vector2<f64>) -> bool {
+    (one - other).norm() <= SAME_PLANE_RAD
+}
+
 /// Surfaces within 45 degrees of a direction face it.
 const FACING_COS: f32 = 0.7;
 
@@ -61,7 +66,7 @@ impl Map {
 
     /// [`Map::lean_alike`] for a laser that swept a plane of a slope given in the island's frame.
     pub fn leans_alike(&self, patch: PatchId, slope: &Vector2<f64>) -> bool {
-        (self.pose(patch).rotate(self.slope(patch)) - slope).norm() <= SAME_PLANE_RAD
+        same_plane(&self.pose(patch).rotate(self.slope(patch)), slope)
     }
 
     /// Rise per metre forwards and to the left of the ground under a patch; zero where nothing

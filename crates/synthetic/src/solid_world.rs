@@ -45,7 +45,9 @@ impl Ground {
 /// A building of several storeys: upright walls that go all the way up, and what one stands on.
 #[derive(Clone, Debug)]
 pub struct SolidWorld {
-    walls: RayCaster,
+    /// Of each storey; of the last one for all above it.
+    walls: Vec<RayCaster>,
+    storey_m: f64,
     ground: Vec<Ground>,
 }
 
@@ -55,12 +57,20 @@ const STEP_M: f64 = 0.3;
 impl SolidWorld {
     /// A world from its plan and its grounds.
     pub fn new(plan: FloorPlan, ground: Vec<Ground>) -> Self {
-        SolidWorld { walls: RayCaster::new(plan), ground }
+        SolidWorld { walls: vec![RayCaster::new(plan)], storey_m: f64::INFINITY, ground }
     }
 
-    /// The plan that all storeys share.
+    /// This world with further storeys of this height, each with walls of its own. Who stands on a
+    /// storey sees the walls of that one: ramps must look alike on all.
+    pub fn with_storeys(mut self, plans: Vec<FloorPlan>, storey_m: f64) -> Self {
+        self.walls.extend(plans.into_iter().map(RayCaster::new));
+        self.storey_m = storey_m;
+        self
+    }
+
+    /// The plan of the lowest storey, which all share unless they were given their own.
     pub fn plan(&self) -> &FloorPlan {
-        self.walls.plan()
+        self.walls[0].plan()
     }
 
     /// Range to the first surface along a unit vector; `None` beyond `max_range`, metres.
@@ -72,8 +82,10 @@ impl SolidWorld {
     ) -> Option<f64> {
         let flat = direction.xy();
         let share = flat.norm();
+        let storey = (origin.z / self.storey_m).max(0.0) as usize;
+        let walls = &self.walls[storey.min(self.walls.len() - 1)];
         let wall = (share > 1e-9)
-            .then(|| self.walls.cast(origin.xy(), flat / share, max_range * share))
+            .then(|| walls.cast(origin.xy(), flat / share, max_range * share))
             .flatten()
             .map(|hit| hit.range / share);
         let grounds = self.ground.iter().filter_map(|g| g.range(origin, direction));

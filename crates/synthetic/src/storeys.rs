@@ -28,6 +28,8 @@ pub struct Storeys {
     pub slope_rad: f64,
     /// Kind of ramp.
     pub ascent: Ascent,
+    /// All storeys have the same furniture; else each has its own.
+    pub furnished_alike: bool,
     /// The robot starts on the top storey and ends there.
     pub from_the_top: bool,
     /// Amplitude of the base's pitching on ramps, radians: tracks on stairs.
@@ -48,6 +50,7 @@ impl Default for Storeys {
             height_m: 3.0,
             slope_rad: f64::to_radians(10.0),
             ascent: Ascent::Straight,
+            furnished_alike: true,
             from_the_top: false,
             pitching_rad: 0.0,
             laser_height_m: 0.3,

@@ -104,8 +104,7 @@ fn levels_drawn(
     if let Some(level) = args.level.filter(|&level| level >= count) {
         bail!("there is no level {level}: the map has {count}, 0 the lowest");
     }
-    let scans = if args.all_scans { &source.scans } else { walls };
-    let maps = LevelMap::of_levels(manifold, levels, scans, &source.paths, frame, config)?;
+    let maps = LevelMap::of_levels(manifold, levels, walls, &source.paths, frame, config)?;
     let wanted =
         maps.into_iter().enumerate().filter(|(k, _)| args.level.is_none_or(|level| level == *k));
     let image = |(k, map): (usize, LevelMap)| Image {

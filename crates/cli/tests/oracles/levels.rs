@@ -22,6 +22,9 @@ fn every_level_has_a_map_of_its_own() {
     let log = log(&scratch, "storeys.clf", &driven, 0..driven.run.truth.len());
     let ran = run(args!["map", log, "-o", scratch.at("out")]);
     assert_eq!(ran.code, 0, "{}", ran.err);
+    assert!(ran.out.contains("2 levels at 0.0, 3."), "{}", ran.out);
+    let told = run(args!["info", scratch.at("out/site.manifold")]);
+    assert!(told.out.contains("of storeys; 2 levels at 0.0, 3."), "{}", told.out);
     let files = names(&scratch.at("out"));
     for level in 0..2 {
         for ending in ["png", "pgm", "yaml"] {

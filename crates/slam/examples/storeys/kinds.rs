@@ -13,6 +13,7 @@ const RAMP: Storeys = Storeys {
     height_m: 3.0,
     slope_rad: 10.0 * DEGREE,
     ascent: Ascent::Straight,
+    furnished_alike: true,
     from_the_top: false,
     pitching_rad: 0.0,
     laser_height_m: 0.3,
@@ -38,5 +39,6 @@ pub const ALL: &[Kind] = &[
         storeys: Storeys { slope_rad: 30.0 * DEGREE, pitching_rad: 2.0 * DEGREE, ..RAMP },
     },
     Kind { name: "high-laser", storeys: Storeys { laser_height_m: 0.5, ..RAMP } },
+    Kind { name: "furnished", storeys: Storeys { furnished_alike: false, ..RAMP } },
     Kind { name: "flat", storeys: Storeys { storeys: 1, ..RAMP } },
 ];

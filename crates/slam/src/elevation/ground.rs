@@ -59,11 +59,22 @@ impl<'a> KnownGround<'a> {
     /// The scan of a patch with the beams that met ground left out: they say nothing of walls.
     pub fn walls_of(&self, patch: PatchId) -> Arc<Scan> {
         let Patch { scan, base_from_laser, .. } = self.manifold.patch(patch);
+        self.walls_in(scan, patch, base_from_laser)
+    }
+
+    /// [`KnownGround::walls_of`] for another scan that was taken at a patch, with its laser seen
+    /// from there; one of a leaning robot put on the plan.
+    pub fn walls_in(
+        &self,
+        scan: &Arc<Scan>,
+        patch: PatchId,
+        patch_from_laser: &Pose2,
+    ) -> Arc<Scan> {
         let is_ground = |beam: usize| {
             scan.hit(beam).is_some_and(|range| {
                 let (sin, cos) = scan.laser().bearing(beam).sin_cos();
                 let hit = Vector2::new(cos, sin) * f64::from(range);
-                self.is_ground(patch, base_from_laser.transform(hit))
+                self.is_ground(patch, patch_from_laser.transform(hit))
             })
         };
         if !(0..scan.len()).any(is_ground) {

@@ -1,6 +1,6 @@
 use super::IntegritySettings;
 use super::visibility::{View, Visibility};
-use crate::map::Map;
+use crate::map::{Map, same_plane};
 use geometry::{Pose2, Vector2};
 use manifold::PatchId;
 use sensing::Scan;
@@ -54,6 +54,8 @@ struct Case {
     /// Everything seen since it began, over so many scans.
     seen: Visibility,
     scans: usize,
+    /// How the ground rose when it began.
+    slope: Vector2<f64>,
     /// Patches made since.
     patches: Vec<PatchId>,
 }
@@ -116,21 +118,24 @@ impl Suspicion {
                 self.trust(witness.patch, seen);
             } else {
                 let patches = witness.patch.into_iter().collect();
-                self.case = Some(Case { limit, seen, scans: 1, patches });
+                self.case = Some(Case { limit, seen, scans: 1, slope: witness.slope, patches });
             }
             return None;
         };
         case.scans += 1;
         case.seen += seen;
         case.patches.extend(witness.patch);
-        if case.scans < self.settings.scans {
+        // Where a ramp begins the laser tips, and sees what lies at other heights.
+        let tips = !same_plane(&case.slope, &witness.slope);
+        if case.scans < self.settings.scans && !tips {
             return None;
         }
         let case = self.case.take()?;
-        if case.seen.contradiction() > case.limit {
+        if case.seen.contradiction() > case.limit && !tips {
             return Some(case.scans);
         }
-        case.patches.into_iter().for_each(|patch| self.trust(Some(patch), case.seen));
+        let seen = if tips { Visibility::default() } else { case.seen };
+        case.patches.into_iter().for_each(|patch| self.trust(Some(patch), seen));
         None
     }
 

@@ -1,14 +1,13 @@
 use super::common_ground::{CommonGround, Seen};
 use super::estimate::{
-    MOST_SPREAD, MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, decades_if_alike,
-    may_suffice,
+    MOST_SPREAD, MOST_SQUARES, Observed, Usual, beyond_a_copy, decades, may_suffice,
 };
 use super::evidence::{Evidence, examine};
 use super::places::PlaceIndex;
 use super::recognition::{PlaceMatch, Recognition};
 use super::sets::agreeing_sets;
 use super::usual::usual;
-use super::{EvidenceCounts, Link, Proposal, same_on_the_plan, say_the_same};
+use super::{EvidenceCounts, Link, Proposal, say_the_same};
 use crate::SlamConfig;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
@@ -133,9 +132,8 @@ impl GeometricMerging {
             }
             let counts = counted(matches, &evidence, &observed);
             let bound = 10f64.powf(decades(&observed, &self.usual));
-            let alike = 10f64.powf(decades_if_alike(&observed, &self.usual));
             let links = evidence.links.iter().map(PlaceMatch::link).collect();
-            Alignment { links, counts, bound, alike }
+            Alignment { links, counts, bound }
         };
         examined.into_iter().map(weigh).collect()
     }
@@ -239,20 +237,6 @@ struct Alignment {
     counts: EvidenceCounts,
     /// The chance that it is wrong, as far as it is known by itself; may exceed one.
     bound: f64,
-    /// The chance that all this only looks alike, copies left aside.
-    alike: f64,
-}
-
-impl Alignment {
-    /// The chance of being wrong as far as a rival has evidence too. That storeys are copies of
-    /// each other is plain where they lie on each other on the plan: then only what one explains
-    /// and the other does not speaks for it.
-    fn doubted_by(&self, rival: &Alignment, map: &Map) -> f64 {
-        let storey = same_on_the_plan(map, &self.links, &rival.links, 0.0);
-        let (own, other) =
-            if storey { (self.alike, rival.alike) } else { (self.bound, rival.bound) };
-        own / other.min(1.0)
-    }
 }
 
 /// The best alignment of two islands, doubted as far as another one has evidence too.
@@ -263,7 +247,7 @@ fn choose(map: &Map, mut ranked: Vec<Alignment>, most_false: f64) -> Option<Prop
     let rival = rivals
         .iter()
         .filter(|rival| !say_the_same(map, &best.links, &rival.links, 0.0))
-        .map(|rival| best.doubted_by(rival, map))
+        .map(|rival| best.bound / rival.bound.min(1.0))
         .fold(0.0, f64::max);
     Some(Proposal {
         target_from_source: alignment(map, &best.links)?,

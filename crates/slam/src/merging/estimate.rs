@@ -96,17 +96,9 @@ fn decades_at_best(observed: &Observed, usual: &Usual) -> f64 {
 /// that was confirmed but what lies beyond. Either is doubted or believed by the likelihood ratio
 /// of the contradictions.
 pub(super) fn decades(observed: &Observed, usual: &Usual) -> f64 {
-    let either = 10f64.powf(alike(observed, usual)) + 10f64.powf(copied(observed, usual));
+    let alike = places(observed) + surfaces(observed, usual);
+    let either = 10f64.powf(alike) + 10f64.powf(copied(observed, usual));
     either.log10() + against(observed, usual)
-}
-
-/// [`decades`] for a merge that is wrong only if the building looks alike.
-pub(super) fn decades_if_alike(observed: &Observed, usual: &Usual) -> f64 {
-    alike(observed, usual) + against(observed, usual)
-}
-
-fn alike(observed: &Observed, usual: &Usual) -> f64 {
-    places(observed) + surfaces(observed, usual, &ALIKE, observed.compared_m)
 }
 
 /// The chance of a copy. Beyond it are other walls: what tells where it is there is confirmed by
@@ -115,9 +107,8 @@ fn alike(observed: &Observed, usual: &Usual) -> f64 {
 fn copied(observed: &Observed, usual: &Usual) -> f64 {
     let held = observed.squares - observed.beyond;
     let confirmed = DECADES_PER_BEYOND * (observed.beyond as f64).min(MOST_BEYOND)
-        + surfaces(observed, usual, &ALIKE, observed.compared_m).max(0.0);
-    let clear = surfaces(observed, usual, &ELSEWHERE, observed.beyond_m);
-    COPY_DECADES + DECADES_PER_HELD * held as f64 + confirmed.min(clear)
+        + surfaces(observed, usual).max(0.0);
+    COPY_DECADES + DECADES_PER_HELD * held as f64 + confirmed.min(beyond(observed, usual))
 }
 
 fn places(observed: &Observed) -> f64 {
@@ -129,16 +120,25 @@ fn against(observed: &Observed, usual: &Usual) -> f64 {
     DECADES_PER_CONTRADICTION * observed.contradicting as f64 + beyond / THROUGH_PER_DECADE
 }
 
-/// Likelihood ratio of the contradicted pieces: where they are as frequent as in other buildings,
-/// on
-/// `on_m` of surface, and in the same one.
-fn surfaces(observed: &Observed, usual: &Usual, others: &Rate, on_m: f64) -> f64 {
-    let same = Rate {
-        pieces: USUALLY.pieces + usual.pieces as f64,
-        on_m: USUALLY.on_m + usual.compared_m,
-    };
-    let other = others.ln_chance(observed.pieces, on_m);
-    (other - same.ln_chance(observed.pieces, observed.compared_m)) / LN_10
+/// How often the same building is contradicted.
+fn same(usual: &Usual) -> Rate {
+    Rate { pieces: USUALLY.pieces + usual.pieces as f64, on_m: USUALLY.on_m + usual.compared_m }
+}
+
+/// Likelihood ratio of the contradicted pieces in a building that looks alike and in the same one.
+fn surfaces(observed: &Observed, usual: &Usual) -> f64 {
+    let ln_chance = |rate: &Rate| rate.ln_chance(observed.pieces, observed.compared_m);
+    (ln_chance(&ALIKE) - ln_chance(&same(usual))) / LN_10
+}
+
+/// And where the building is the same as far as a copy reaches, and another one beyond it.
+fn beyond(observed: &Observed, usual: &Usual) -> f64 {
+    let same = same(usual);
+    let all = observed.pieces;
+    let inside = same.ln_chances(all, (observed.compared_m - observed.beyond_m).max(0.0));
+    let outside = ELSEWHERE.ln_chances(all, observed.beyond_m);
+    let chance: f64 = (0..=all).map(|i| (inside[i] + outside[all - i]).exp()).sum();
+    chance.log10() - same.ln_chance(all, observed.compared_m) / LN_10
 }
 
 /// How much of something that lies at some points no copy of [`COPY_M`] can hold wherever it lies
@@ -152,7 +152,7 @@ pub(super) fn beyond_a_copy(points: &[(Vector2<f64>, f64)]) -> f64 {
         most_in_box(&points.iter().map(turned).collect::<Vec<_>>())
     };
     let all: f64 = points.iter().map(|(_, amount)| amount).sum();
-    all - (0..TURNS).map(held).fold(0.0, f64::max)
+    (all - (0..TURNS).map(held).fold(0.0, f64::max)).max(0.0)
 }
 
 /// The most of some points (along x, along y, amount) that an upright box of [`COPY_M`] holds: one
@@ -227,7 +227,10 @@ mod tests {
         let turned = Observed { agreeing: 7, pieces: 11, compared_m: 190.0, ..CLEAR };
         assert!(decades(&turned, &USUAL) > -2.5);
         let ends = Observed { compared_m: 95.0, beyond_m: 5.0, squares: 8, beyond: 0, ..CLEAR };
-        assert!(decades(&Observed { pieces: 2, ..ends }, &USUAL) > -0.5);
+        for beyond_m in [0.0, 5.0, 15.0] {
+            let ends = Observed { pieces: 2, beyond_m, ..ends };
+            assert!(decades(&ends, &USUAL) > -1.7, "{beyond_m}");
+        }
     }
 
     #[test]

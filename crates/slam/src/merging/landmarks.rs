@@ -10,6 +10,7 @@ mod comparison;
 mod consensus;
 mod island;
 mod links;
+mod misread;
 mod places;
 mod rendezvous;
 mod revisit;

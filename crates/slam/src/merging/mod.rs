@@ -215,35 +215,16 @@ const SAME_RAD: f64 = 0.15;
 /// True when two sets of links say the same: most of the second lie where the nearest of the first
 /// has them, and at that height. They may differ by so much more per metre between them.
 fn say_the_same(map: &Map, links: &[Link], others: &[Link], bent_per_m: f64) -> bool {
-    same_on_the_plan(map, links, others, bent_per_m) && {
-        let same_height = |near: &Link, other: &Link| near.agrees_in_height(other, map);
-        most_agree(map, links, others, same_height)
-    }
-}
-
-/// [`say_the_same`] but for the height: storeys that look alike lie on each other on the plan.
-fn same_on_the_plan(map: &Map, links: &[Link], others: &[Link], bent_per_m: f64) -> bool {
-    most_agree(map, links, others, |near, other| {
-        let place = map.pose(other.to);
-        let here = near.target_from_source(map) * place;
-        let apart = here.between(&(other.target_from_source(map) * place));
-        let bent_m = bent_per_m * map.pose(near.to).distance(&place);
-        apart.norm() < SAME_M + bent_m && apart.yaw.abs() < SAME_RAD
-    })
-}
-
-/// True when most of the second set agree with the nearest of the first.
-fn most_agree(
-    map: &Map,
-    links: &[Link],
-    others: &[Link],
-    agree: impl Fn(&Link, &Link) -> bool,
-) -> bool {
     let agrees = |other: &&Link| {
         let place = map.pose(other.to);
         let distance = |link: &&Link| map.pose(link.to).distance(&place);
         let nearest = links.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        nearest.is_some_and(|near| agree(near, other))
+        nearest.is_some_and(|near| {
+            let here = near.target_from_source(map) * place;
+            let apart = here.between(&(other.target_from_source(map) * place));
+            let is_near = apart.norm() < SAME_M + bent_per_m * distance(&near);
+            is_near && apart.yaw.abs() < SAME_RAD && near.agrees_in_height(other, map)
+        })
     };
     2 * others.iter().filter(agrees).count() > others.len()
 }

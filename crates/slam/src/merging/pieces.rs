@@ -14,11 +14,18 @@ pub(super) struct Rate {
 impl Rate {
     /// Natural logarithm of the chance of so many pieces on so much surface.
     pub fn ln_chance(&self, pieces: usize, on_m: f64) -> f64 {
+        self.ln_chances(pieces, on_m)[pieces]
+    }
+
+    /// The same for any number of pieces up to `most`.
+    pub fn ln_chances(&self, most: usize, on_m: f64) -> Vec<f64> {
         let all_m = self.on_m + on_m;
-        let none = self.pieces * (self.on_m / all_m).ln();
-        let more = on_m / all_m;
-        let ways = |i: usize| ((self.pieces + i as f64) / (i as f64 + 1.0) * more).ln();
-        none + (0..pieces).map(ways).sum::<f64>()
+        let mut chances = vec![self.pieces * (self.on_m / all_m).ln()];
+        for i in 0..most {
+            let more = (self.pieces + i as f64) / (i as f64 + 1.0) * (on_m / all_m);
+            chances.push(chances[i] + more.ln());
+        }
+        chances
     }
 }
 
@@ -60,6 +67,8 @@ mod tests {
             (sum + chance(pieces), mean + pieces as f64 * chance(pieces))
         });
         assert!((sum - 1.0).abs() < 1e-9 && (mean - 12.0).abs() < 1e-6, "{sum} {mean}");
+        // Where there is no surface there are no pieces.
+        assert_eq!((rate.ln_chance(0, 0.0), rate.ln_chance(2, 0.0)), (0.0, f64::NEG_INFINITY));
         // A rate that is known well: Poisson with mean 2.
         let sharp = Rate { pieces: 2e6, on_m: 4e7 };
         let poisson = (-2.0f64).exp() * 8.0 / 6.0;

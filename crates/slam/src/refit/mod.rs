@@ -219,8 +219,8 @@ fn refit_globally(map: &mut Map, config: &SlamConfig, memory: &mut Memory) -> us
     for round in 0..settings.rounds {
         let shrink = 0.6f64.powi(round as i32);
         let kernel = (settings.kernel_start_m * shrink).max(settings.kernel_end_m);
-        let last = &memory.overlaps[round];
-        let overlaps = measure_overlaps(map, &islands, config, kernel as f32, last);
+        let overlaps = &mut memory.overlaps[round];
+        measure_overlaps(overlaps, map, &islands, config, kernel as f32);
         let mut graphs = IslandGraphs::new(map, &islands);
         graphs.add_relations(map, |r| relation_share(map, r));
         for way in map.manifold.ways() {
@@ -234,7 +234,6 @@ fn refit_globally(map: &mut Map, config: &SlamConfig, memory: &mut Memory) -> us
             counting += 1;
         }
         graphs.solve(map, &settings.quickly());
-        memory.overlaps[round] = overlaps;
     }
     counting
 }

@@ -4,7 +4,7 @@ use crate::active_submap::lay_field;
 use crate::map::Map;
 use crate::patch_grid::PatchGrid;
 use geometry::{LieGroup, Matrix3, Pose2, Vector3, wrap_angle};
-use manifold::{Islands, Patch, PatchId};
+use manifold::{Islands, PatchId};
 use matching::{FastMatcher, SurfelField};
 use rayon::prelude::*;
 use std::cmp::Reverse;
@@ -34,40 +34,34 @@ pub(crate) struct Overlap {
 /// For every patch what was measured from it, in the order in which it was tried.
 pub(crate) type Overlaps = Vec<Vec<Overlap>>;
 
-/// Measures every pair of patches that see the same surfaces, in both directions. What `last` has
-/// of it already is taken from there.
+/// Measures every pair of patches that see the same surfaces, in both directions. What `overlaps`
+/// has of it already, from the last time, is left as it is; what is not needed is removed.
 pub(super) fn measure_overlaps(
+    overlaps: &mut Overlaps,
     map: &Map,
     islands: &Islands,
     config: &SlamConfig,
     kernel_m: f32,
-    last: &Overlaps,
-) -> Overlaps {
+) {
     let near = PatchGrid::new(map, islands, config.refit.overlap_distance_m);
     let measuring = Measuring { map, config, matcher: config.refit_matcher(), kernel_m };
     let field = SurfelField::new(config.refit_field(), (0.0, 0.0), (0.0, 0.0));
-    // Fixed blocks, results in order: the same whatever the number of threads.
-    map.manifold
-        .patches()
-        .par_chunks(32)
-        .map_init(
-            || field.clone(),
-            |scratch, block| {
-                let of = |patch: &Patch| {
-                    if patch.left_out {
-                        return Vec::new();
-                    }
-                    let distance_m = config.refit.overlap_distance_m;
-                    let island = islands.of[patch.id.index()];
-                    let others = neighbours_of(patch.id, map, &near, island, distance_m);
-                    let known = last.get(patch.id.index()).map_or(&[][..], Vec::as_slice);
-                    measuring.overlaps_of(patch.id, others, known, scratch)
-                };
-                block.iter().map(of).collect::<Vec<_>>()
-            },
-        )
-        .flatten_iter()
-        .collect()
+    let patches = map.manifold.patches();
+    overlaps.resize_with(patches.len(), Vec::new);
+    // Every patch by itself: the same whatever the number of threads.
+    patches.par_iter().zip(overlaps).with_min_len(32).for_each_init(
+        || field.clone(),
+        |scratch, (patch, overlaps)| {
+            if patch.left_out {
+                overlaps.clear();
+                return;
+            }
+            let distance_m = config.refit.overlap_distance_m;
+            let others =
+                neighbours_of(patch.id, map, &near, islands.of[patch.id.index()], distance_m);
+            measuring.renew(overlaps, patch.id, others, scratch);
+        },
+    );
 }
 
 /// What the measurements of a round have in common.
@@ -79,41 +73,38 @@ struct Measuring<'a> {
 }
 
 impl Measuring<'_> {
-    /// The overlaps of a patch with the first of `others` that count.
-    fn overlaps_of(
+    /// Makes `overlaps` those of a patch with the first of `others` that count.
+    fn renew(
         &self,
+        overlaps: &mut Vec<Overlap>,
         from: PatchId,
         others: impl Iterator<Item = (PatchId, Pose2)>,
-        known: &[Overlap],
         scratch: &mut SurfelField,
-    ) -> Vec<Overlap> {
+    ) {
         let settings = &self.config.refit;
-        let mut is_laid = false;
-        let mut overlaps = Vec::with_capacity(known.len().max(settings.overlaps_per_patch));
-        let mut counting = 0;
+        let (mut tried, mut counting, mut is_laid) = (0, 0, false);
         for (to, believed) in others {
             if counting >= settings.overlaps_per_patch {
                 break;
             }
             let at = GRID.nearest(&believed);
-            let overlap = known
-                .iter()
-                .find(|o| {
-                    o.to == to && o.at == at && o.lasts && self.is_the_same_in_any_map(from, to)
-                })
-                .copied();
-            let overlap = overlap.unwrap_or_else(|| {
-                if !is_laid {
-                    let members = [(from, Pose2::IDENTITY)];
-                    lay_field(scratch, self.map, &members, f64::from(settings.reach_m));
-                    is_laid = true;
+            let same = |o: &Overlap| o.to == to && o.at == at && o.lasts;
+            let is_known = self.is_the_same_in_any_map(from, to);
+            match overlaps[tried..].iter().position(|o| is_known && same(o)) {
+                Some(further) => overlaps.swap(tried, tried + further),
+                None => {
+                    if !is_laid {
+                        let members = [(from, Pose2::IDENTITY)];
+                        lay_field(scratch, self.map, &members, f64::from(settings.reach_m));
+                        is_laid = true;
+                    }
+                    overlaps.insert(tried, self.measure(from, to, at, scratch));
                 }
-                self.measure(from, to, at, scratch)
-            });
-            counting += usize::from(overlap.counts);
-            overlaps.push(overlap);
+            }
+            counting += usize::from(overlaps[tried].counts);
+            tried += 1;
         }
-        overlaps
+        overlaps.truncate(tried);
     }
 
     fn is_the_same_in_any_map(&self, from: PatchId, to: PatchId) -> bool {

@@ -308,6 +308,31 @@ proptest! {
         prop_assert!(found.pairs.iter().all(|&(t, s)| t == s && t != wrong));
     }
 
+    /// Two ids agree, the third was read wrong: that it hangs where the others say makes up for its
+    /// id. Where it hangs elsewhere, it says nothing.
+    #[test]
+    fn a_tag_read_wrong_counts_where_it_hangs(
+        x in -50.0..50.0f64, y in -50.0..50.0f64, yaw in -3.0..3.0f64, taken in any::<bool>(),
+    ) {
+        let corners = [(0.0, 0.0), (8.0, 1.0), (5.0, 7.0)].map(|(x, y)| Vector2::new(x, y));
+        let truth = Pose2::new(x, y, yaw);
+        let named = |ids: [&str; 3], places: [Vector2<f64>; 3]| {
+            let landmark = |(id, p): (&str, Vector2<f64>)| (Some(id.to_owned()), p);
+            island(&ids.into_iter().zip(places).map(landmark).collect::<Vec<_>>())
+        };
+        let target = named(["a", "b", "c"], corners);
+        let mut seen = corners.map(|p| truth.inverse().transform(p));
+        let read = ["a", "b", if taken { "a" } else { "d" }];
+        let settings = LandmarkSettings { false_merges: 1e-3, ..LandmarkSettings::default() };
+        let found = compare_landmarks(&target, &named(read, seen), &settings).unwrap();
+        prop_assert!(found.target_from_source.mean.distance(&truth) < 1e-6);
+        prop_assert!(found.false_bound < settings.false_merges && found.pairs.len() == 3, "{found:?}");
+        seen[2] += Vector2::new(1.0, 2.0);
+        let found = compare_landmarks(&target, &named(read, seen), &settings).unwrap();
+        prop_assert!(found.false_bound > settings.false_merges, "{found:?}");
+        prop_assert_eq!(found.pairs.len(), 2);
+    }
+
     /// Two tags that could as well be two others say nothing.
     #[test]
     fn an_ambiguous_alignment_is_never_sure(x in 2.0..20.0f64, y in 2.0..20.0f64) {

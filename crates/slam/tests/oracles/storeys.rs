@@ -54,6 +54,18 @@ fn storeys_of_one_plan_are_two_levels() {
     assert!(error <= 0.05, "{error} m");
 }
 
+/// A laser that tips where a ramp begins sees what lies at other heights: the robot is not lost.
+#[test]
+fn driving_onto_a_ramp_is_no_mishap() {
+    let driven = Storeys { storeys: 3, ..Storeys::default() }.record(&Robot::default(), 16);
+    let mut mapper = Mapper::new(SlamConfig::default());
+    for observation in driven.run.observations.iter().take(1200) {
+        mapper.step(observation.clone());
+    }
+    mapper.finish();
+    assert_eq!(mapper.bad_stretches(), []);
+}
+
 #[test]
 fn nothing_is_closed_between_storeys() {
     let manifold = &mapped().manifold;
@@ -123,24 +135,55 @@ fn storeys_that_look_alike_are_rivals() {
     assert_eq!(wrong.count(), 0, "{:?}", team.merges());
 }
 
-/// One robot went up and the other came down: only one of the ways in which their storeys can lie
-/// on each other fits both.
+/// One robot went up and the other came down, which begins its map on the upper floor: storeys of
+/// the same plan with furniture of their own are joined each to itself, and the second robot's
+/// heights become those of the first one's island.
 #[test]
 fn robots_that_saw_both_storeys_are_joined_storey_by_storey() {
-    let observations = &driven().run.observations;
+    let driven = Storeys { furnished_alike: false, ..Storeys::default() };
+    let driven = driven.record(&Robot::default(), 1);
+    let observations = &driven.run.observations;
     let (up, down) = (observations.len() * 7 / 10, observations.len() / 2);
+    assert_eq!(driven.storey(down), 1);
     let team = team(&[&observations[..up], &observations[down..]]);
     let manifold = team.manifold();
     let islands = manifold.islands();
     assert_eq!(islands.len(), 1, "{:?}", team.merges());
     let levels = manifold.levels(&islands[0]);
     assert_eq!(levels.heights_m.len(), 2, "{:?}", levels.heights_m);
-    let on_floor = levels.members.iter().filter(|m| driven().on_floor(scan_of(manifold, m.patch)));
+    let scan_of = |patch| scan_of(manifold, patch);
+    for patch in manifold.patches() {
+        let (found, truth) =
+            (patch.elevation.unwrap().height_m, driven.heights_m[scan_of(patch.id)]);
+        assert!((found - truth).abs() < 0.15, "patch {}: {found} m, {truth} m", patch.id.0);
+    }
+    let on_floor = levels.members.iter().filter(|m| driven.on_floor(scan_of(m.patch)));
     let (mut all, mut right) = (0.0, 0.0);
     for member in on_floor {
         all += 1.0;
-        let storey = driven().storey(scan_of(manifold, member.patch));
-        right += f64::from(u8::from(member.level == storey));
+        right += f64::from(u8::from(member.level == driven.storey(scan_of(member.patch))));
     }
     assert!(right >= 0.99 * all, "{right} of {all} patches on the right level");
+    let height = |patch| driven.heights_m[scan_of(patch)];
+    let across = manifold
+        .active_relations()
+        .filter(|r| r.provenance != Provenance::Sequential)
+        .filter(|r| (height(r.from) - height(r.to)).abs() > 1.0);
+    assert_eq!(across.count(), 0);
+}
+
+/// Of three storeys that are copies of each other to the furniture one robot saw the lower two and
+/// another the upper two: that all of the one lies on all of the other explains as much as that
+/// they share a storey, and is wrong. They are not joined.
+#[test]
+fn storeys_that_are_copies_are_joined_by_nothing() {
+    let driven = Storeys { storeys: 3, ..Storeys::default() }.record(&Robot::default(), 1);
+    let observations = &driven.run.observations;
+    let storey = |scan: usize| driven.storey(scan);
+    let first = |wanted: usize| (0..observations.len()).find(|&scan| storey(scan) == wanted);
+    let (middle, top) = (first(1).unwrap(), first(2).unwrap());
+    let last_on_top = (0..observations.len()).rfind(|&scan| storey(scan) == 2).unwrap();
+    let on_floor = (middle..).find(|&scan| driven.on_floor(scan)).unwrap();
+    let team = team(&[&observations[..top - 40], &observations[on_floor..last_on_top]]);
+    assert_eq!(team.manifold().islands().len(), 2, "{:?}", team.merges());
 }

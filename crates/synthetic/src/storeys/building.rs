@@ -34,7 +34,12 @@ impl Building {
     }
 
     pub fn world(&self, spec: &Storeys, way: &[(f64, f64)], rng: &mut StdRng) -> SolidWorld {
-        SolidWorld::new(self.plan(way, rng), self.grounds(spec))
+        let world = SolidWorld::new(self.plan(way, rng), self.grounds(spec));
+        if spec.furnished_alike {
+            return world;
+        }
+        let further = (1..spec.storeys).map(|_| self.plan(way, rng)).collect();
+        world.with_storeys(further, spec.height_m)
     }
 
     /// Walls and furniture.

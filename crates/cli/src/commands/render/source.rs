@@ -3,7 +3,7 @@
 use crate::args::RenderArgs;
 use crate::config::Config;
 use crate::islands::{Island, IslandList};
-use crate::level_maps::{HangingPath, PlacedScan, walls_of};
+use crate::level_maps::{HangingPath, PlacedScan, patch_scans, walls_of};
 use crate::mapping::{bad_stretches, read_options, stored_config, stored_scans};
 use crate::reading::Reading;
 use crate::result_folder::SITE;
@@ -95,10 +95,7 @@ impl Source {
         }
         let levels = site.manifold.levels(patches);
         let levels = (levels.heights_m.len() > 1).then(|| IslandLevels {
-            walls: match args.all_scans {
-                true => Vec::new(),
-                false => walls_of(&site.manifold, patches, &config),
-            },
+            walls: walls_of(&site.manifold, &scans, &config),
             manifold: site.manifold,
             levels,
         });
@@ -138,17 +135,6 @@ impl Source {
         let lossy = reading.finish()?.0.is_lossy();
         Ok(Source { names: vec![name], paths, scans, levels: None, config, lossy })
     }
-}
-
-/// What patches saw that are not left out.
-fn patch_scans(manifold: &Manifold, patches: &[PatchId]) -> Vec<PlacedScan> {
-    let patches = patches.iter().map(|id| manifold.patch(*id)).filter(|p| !p.left_out);
-    let placed = patches.map(|patch| PlacedScan {
-        patch: patch.id,
-        map_from_laser: patch.island_from_patch * patch.base_from_laser,
-        scan: Arc::clone(&patch.scan),
-    });
-    placed.collect()
 }
 
 /// A robot's scans, those of a leaning one put on the plan, as far as they are wanted.

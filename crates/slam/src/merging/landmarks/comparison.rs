@@ -3,6 +3,7 @@ use super::alignment::{Islands, Pairing};
 use super::bound::{Shared, pattern_bound};
 use super::consensus::{Consensus, consensus, misfit};
 use super::island::{IslandLandmark, IslandLandmarks};
+use super::misread::{by_accident, misread_pairings};
 use geometry::GaussianPose2;
 use sensing::LandmarkKind;
 use std::collections::{BTreeMap, BTreeSet};
@@ -57,12 +58,19 @@ fn by_ids(islands: &Islands, settings: &LandmarkSettings) -> Option<LandmarkAlig
     } else {
         Shared::tags(ids.len(), settings.wrong_ids)
     };
-    let false_bound = shared.false_bound(islands, &set, &pairings);
+    let mut false_bound = shared.false_bound(islands, &set, &pairings);
     let agreeing: BTreeSet<_> = set.members.iter().map(id).collect();
     let refused = ids.len() - agreeing.len();
     let ambiguous = set.rival >= set.members.len();
     if !ambiguous {
-        add_unnamed(islands, &mut set);
+        // Where ids say enough by themselves nothing is risked.
+        let misread = misread_pairings(islands, &set);
+        if false_bound > settings.false_merges
+            && let Some(ratio) = by_accident(islands, &set, &misread, shared.wrong)
+        {
+            false_bound *= ratio.powi(add(islands, &mut set, misread) as i32);
+        }
+        add(islands, &mut set, unnamed_pairings(islands));
     }
     Some(conclude(set, refused, false_bound))
 }
@@ -128,12 +136,12 @@ fn unnamed_pairings(islands: &Islands) -> Vec<Pairing> {
     pairings
 }
 
-/// Takes in landmarks without ids that cover each other, each the only one that does. They make the
-/// alignment more accurate, not more certain.
-fn add_unnamed(islands: &Islands, set: &mut Consensus) {
-    let Some(from) = islands.middle(&set.members) else { return };
+/// Takes in further landmarks that cover each other, each the only one that does, and says how
+/// many. They make the alignment more accurate; those without ids do not make it more certain.
+fn add(islands: &Islands, set: &mut Consensus, pairings: Vec<Pairing>) -> usize {
+    let Some(from) = islands.middle(&set.members) else { return 0 };
     let fits = |p: &Pairing| misfit(islands, *p, from, &set.target_from_source, false).is_some();
-    let fitting: Vec<Pairing> = unnamed_pairings(islands).into_iter().filter(fits).collect();
+    let fitting: Vec<Pairing> = pairings.into_iter().filter(fits).collect();
     let alone = |p: &&Pairing| {
         let rivals = fitting.iter().filter(|q| q.target == p.target || q.source == p.source);
         rivals.count() == 1
@@ -141,8 +149,9 @@ fn add_unnamed(islands: &Islands, set: &mut Consensus) {
     let mut members = set.members.clone();
     members.extend(fitting.iter().filter(alone));
     members.sort_unstable();
-    if let Some(alignment) = islands.align(&members) {
-        set.target_from_source = alignment;
-        set.members = members;
-    }
+    let added = members.len() - set.members.len();
+    let Some(alignment) = islands.align(&members) else { return 0 };
+    set.target_from_source = alignment;
+    set.members = members;
+    added
 }

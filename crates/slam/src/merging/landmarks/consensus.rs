@@ -1,5 +1,5 @@
 use super::alignment::{Islands, Pairing, point_jacobian};
-use geometry::GaussianPose2;
+use geometry::{GaussianPose2, Matrix2};
 use std::collections::BTreeSet;
 
 /// Pairings that agree about how two islands lie to each other.
@@ -132,8 +132,7 @@ pub(crate) fn misfit(
     (chi2 <= gate).then_some(chi2)
 }
 
-/// Squared Mahalanobis distance of a pairing's residual, and what it may be. The alignment's own
-/// uncertainty counts for those that it was not made of.
+/// Squared Mahalanobis distance of a pairing's residual, and what it may be.
 fn residual(
     islands: &Islands,
     p: Pairing,
@@ -143,17 +142,31 @@ fn residual(
 ) -> Option<(f64, f64)> {
     let pose = &alignment.mean;
     let (t, s) = islands.positions(p);
-    let jacobian = point_jacobian(pose, &s);
-    let mut spread = islands.spread(p, from, pose.yaw);
-    if !member {
-        spread += jacobian * alignment.covariance * jacobian.transpose();
-    }
+    let spread = spread(islands, p, from, alignment, member);
     let error = pose.transform(s) - t;
     let chi2 = error.dot(&(spread.try_inverse()? * error));
     Some(match islands.turn_error(p, pose) {
         Some((turn, variance)) => (chi2 + turn * turn / variance, GATE_CHI2[2]),
         None => (chi2, GATE_CHI2[1]),
     })
+}
+
+/// Covariance of a pairing's residual. The alignment's own uncertainty counts for those that it was
+/// not made of.
+pub(crate) fn spread(
+    islands: &Islands,
+    p: Pairing,
+    from: Pairing,
+    alignment: &GaussianPose2,
+    member: bool,
+) -> Matrix2<f64> {
+    let pose = &alignment.mean;
+    let spread = islands.spread(p, from, pose.yaw);
+    if member {
+        return spread;
+    }
+    let jacobian = point_jacobian(pose, &islands.positions(p).1);
+    spread + jacobian * alignment.covariance * jacobian.transpose()
 }
 
 /// The pairings in this order whose landmarks no earlier one has taken; ascending.
