@@ -56,7 +56,8 @@ impl PlaceIndex {
     }
 
     /// The `most` places on other islands that look most like a place, best first, those of one
-    /// island at least `apart_m` from each other. A place is not looked for on much smaller islands.
+    /// island at least `apart_m` from each other. A place is not looked for on much smaller
+    /// islands.
     pub fn alike(&self, map: &Map, query: &Place, most: usize, apart_m: f64) -> Vec<Place> {
         let count = |place: &Place| self.counts[place.island as usize];
         let is_asked = |other: &Place| {
@@ -92,7 +93,7 @@ impl PlaceIndex {
     }
 }
 
-/// Of two islands one of which has so many times the other's places the smaller one's are looked for
+/// Where one of two islands has so many times the other's places, the smaller one's are looked for
 /// on the larger one and not the other way round: what is compared is bounded by what is left to be
 /// joined.
 const MUCH_LARGER: usize = 4;
