@@ -67,7 +67,7 @@ fn mapped(case: &TwinCase) -> Team {
     for (number, run) in case.runs.iter().enumerate() {
         team.map_robot(&format!("robot-{number}"), run.observations.iter().cloned());
     }
-    team.merge();
+    team.finish();
     team
 }
 

@@ -55,6 +55,14 @@ impl PlaceIndex {
         PlaceIndex { places, counts }
     }
 
+    /// How many times as many places look like one by accident on the largest other island as on one
+    /// of about its own island's size.
+    pub fn crowding(&self, query: &Place) -> usize {
+        let others = self.counts.iter().enumerate().filter(|(i, _)| *i as u32 != query.island);
+        let largest = others.map(|(_, count)| *count).max().unwrap_or(0);
+        (largest / (MUCH_LARGER * self.counts[query.island as usize])).max(1)
+    }
+
     /// The `most` places on other islands that look most like a place, best first, those of one
     /// island at least `apart_m` from each other. A place is not looked for on much smaller
     /// islands.

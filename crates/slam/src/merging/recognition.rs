@@ -33,28 +33,28 @@ pub(super) struct Recognition {
     pub tried: usize,
 }
 
-/// Of the places that look most like one so many are compared with it in each pass. What a pass has
-/// joined the next one need not compare.
-const CANDIDATES_A_PASS: usize = 1;
-
 impl Recognition {
-    /// Plans to compare every place with those of other islands that look most like it.
+    /// Plans to compare every place with those of other islands that look most like it: one in each
+    /// pass, for what a pass has joined the next one need not compare; in the second half of the
+    /// passes more on a much larger island ([`PlaceIndex::crowding`]).
     pub fn new(map: &Map, index: &PlaceIndex, settings: &MergingSettings) -> Self {
         let alike = |query: &Place| {
-            let alike = index.alike(map, query, settings.candidates, settings.apart_m);
-            alike.into_iter().map(|place| [place.patch, query.patch]).collect::<Vec<_>>()
+            let crowding = index.crowding(query);
+            let (plain, crowded) = (settings.candidates.div_ceil(2), settings.candidates / 2);
+            let most = plain + crowded * crowding;
+            let mut alike = index.alike(map, query, most, settings.apart_m).into_iter();
+            let sizes = (0..settings.candidates).map(|k| if k < plain { 1 } else { crowding });
+            let pass = |size| alike.by_ref().take(size).map(|p| [p.patch, query.patch]).collect();
+            sizes.map(pass).collect::<Vec<Vec<[PatchId; 2]>>>()
         };
-        let alike: Vec<Vec<[PatchId; 2]>> = index.places.par_iter().map(alike).collect();
-        let pass = |first: usize| {
-            let best = |pairs: &Vec<[PatchId; 2]>| {
-                pairs.iter().skip(first).take(CANDIDATES_A_PASS).copied().collect::<Vec<_>>()
-            };
-            let mut pairs: Vec<[PatchId; 2]> = alike.iter().flat_map(best).collect();
+        let alike: Vec<Vec<Vec<[PatchId; 2]>>> = index.places.par_iter().map(alike).collect();
+        let pass = |pass: usize| {
+            let best = alike.iter().flat_map(|passes| &passes[pass]);
+            let mut pairs: Vec<[PatchId; 2]> = best.copied().collect();
             pairs.sort_unstable();
             pairs
         };
-        let firsts = (0..settings.candidates).step_by(CANDIDATES_A_PASS);
-        let passes = firsts.rev().map(pass).collect();
+        let passes = (0..settings.candidates).rev().map(pass).collect();
         Recognition { passes, tried: 0 }
     }
 
