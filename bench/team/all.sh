@@ -27,7 +27,7 @@ row() {
             # shellcheck disable=SC2086
             $program map $(printf "$data/laser-logs/%s.clf.bz2 " $team) -o "$work/out" | grep -E 'island|merged'
         done ;;
-    twins) $examples/twins 1000 500 ;;
+    twins) for family in rooms corridors mirrored; do $examples/twins 1000 500 $family 2; $examples/twins 1000 200 $family 1; done ;;
     landmarks) bench/landmarks/run.sh 100 ;;
     storeys) bench/levels/storeys.sh ramp 1..20 ;;
     retraction) $examples/retraction 18 200 20 1 ;;

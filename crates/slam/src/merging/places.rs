@@ -55,8 +55,8 @@ impl PlaceIndex {
         PlaceIndex { places, counts }
     }
 
-    /// How many times as many places look like one by accident on the largest other island as on one
-    /// of about its own island's size.
+    /// How many times as many places look like one by accident on the largest other island as on
+    /// one of about its own island's size.
     pub fn crowding(&self, query: &Place) -> usize {
         let others = self.counts.iter().enumerate().filter(|(i, _)| *i as u32 != query.island);
         let largest = others.map(|(_, count)| *count).max().unwrap_or(0);
@@ -125,4 +125,19 @@ pub(super) fn spaced_patches(map: &Map, islands: &Islands, spacing_m: f64) -> Ve
         chosen.push(patch.id);
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn on_a_much_larger_island_more_places_look_alike() {
+        let index = PlaceIndex { counts: vec![10, 12, 39, 130], ..PlaceIndex::default() };
+        let crowding = |island: u32| {
+            let look = Look([0; LOOK_BYTES]);
+            index.crowding(&Place { patch: PatchId(0), island, look })
+        };
+        assert_eq!([0, 1, 2, 3].map(crowding), [3, 2, 1, 1]);
+    }
 }
