@@ -3,23 +3,10 @@ use crate::config::MapConfig;
 use crate::islands::IslandList;
 use anyhow::{Context, Result};
 use geometry::Vector2;
-use manifold::{Manifold, PatchId, Provenance, Relation, RelationState};
+use manifold::{Manifold, Provenance, Relation, RelationState};
 use rendering::{
     ClosureMark, GridFrame, HitMissCounts, MarkKind, OccupancyGrid, RenderError, ScanView,
 };
-
-/// What patches saw, from where.
-pub fn patch_views<'a>(manifold: &'a Manifold, patches: &[PatchId]) -> Vec<ScanView<'a>> {
-    patches
-        .iter()
-        .map(|id| manifold.patch(*id))
-        .filter(|patch| !patch.left_out)
-        .map(|patch| ScanView {
-            map_from_laser: patch.island_from_patch * patch.base_from_laser,
-            scan: &patch.scan,
-        })
-        .collect()
-}
 
 /// What joins the patches of one island beside the robots' ways, as lines. A relation between two
 /// islands has no place on either map.

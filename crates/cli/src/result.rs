@@ -1,8 +1,8 @@
 use crate::config::Config;
-use crate::drawing::{closure_marks, occupancy_that_fits, patch_views};
+use crate::drawing::{closure_marks, occupancy_that_fits};
 use crate::islands::{map_file, title};
 use crate::landmarks::{MappedLandmark, landmark_marks, landmarks_csv, landmarks_of};
-use crate::level_maps::{LevelMap, patch_scans, walls_of, write_levels};
+use crate::level_maps::{LevelMap, PlacedScan, patch_scans, walls_of, write_levels};
 use crate::mapping::{MappedTeam, pose_graph};
 use crate::metrics::{Afterwards, Metrics};
 use crate::report::report;
@@ -12,7 +12,7 @@ use anyhow::Result;
 use geometry::Pose2;
 use logs::write_tum;
 use rendering::{
-    Annotations, ClosureMark, MarkKind, OccupancyGrid, Trajectory, map_png, ros_map_pgm,
+    Annotations, ClosureMark, MarkKind, OccupancyGrid, ScanView, Trajectory, map_png, ros_map_pgm,
     ros_map_yaml,
 };
 use std::fmt::Write;
@@ -43,13 +43,13 @@ impl Drawn {
     ) -> Result<Self> {
         let manifold = mapped.team.manifold();
         let members = &mapped.islands.islands[island];
-        let views = patch_views(manifold, &members.patches);
+        let scans = patch_scans(manifold, &members.patches);
+        let views: Vec<ScanView> = scans.iter().map(PlacedScan::view).collect();
         let pose = |id: &manifold::PatchId| manifold.patch(*id).island_from_patch;
         let grid = occupancy_that_fits(&views, config.map)?;
         let levels = match manifold.levels(&members.patches) {
             levels if levels.heights_m.len() < 2 => Vec::new(),
             levels => {
-                let scans = patch_scans(manifold, &members.patches);
                 let walls = walls_of(manifold, &scans, config);
                 let paths = mapped.hanging_paths_on(island);
                 LevelMap::of_levels(manifold, &levels, &walls, &paths, grid.frame(), config)?

@@ -16,6 +16,13 @@ pub struct Gaussian<G, const D: usize> {
 /// A Gaussian over poses in the plane; tangent order `(x, y, yaw)`.
 pub type GaussianPose2 = Gaussian<Pose2, 3>;
 
+impl GaussianPose2 {
+    /// Variance of the position over both axes, in square metres.
+    pub fn position_variance_m2(&self) -> f64 {
+        self.covariance[(0, 0)] + self.covariance[(1, 1)]
+    }
+}
+
 impl<G: LieGroup<D>, const D: usize> Gaussian<G, D> {
     /// A pose known exactly.
     pub fn exact(mean: G) -> Self {

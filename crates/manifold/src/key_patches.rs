@@ -94,7 +94,9 @@ impl KeyPatches {
     ) {
         for (patch, belief) in known {
             let best = &mut self.of[patch.index()];
-            if best.is_none_or(|(_, other)| variance(&belief) < variance(&other)) {
+            if best.is_none_or(|(_, other)| {
+                belief.position_variance_m2() < other.position_variance_m2()
+            }) {
                 *best = Some((key, belief));
             }
             if let Some(&other) = index.get(&patch)
@@ -117,14 +119,10 @@ impl KeyPatches {
             let belief = from_from.compose(&relation.from_from_to).compose(&to_from.inverse());
             for (key, other, belief) in [(from, to, belief), (to, from, belief.inverse())] {
                 let best = self.keys[key].neighbours.entry(other).or_insert(belief);
-                if variance(&belief) < variance(best) {
+                if belief.position_variance_m2() < best.position_variance_m2() {
                     *best = belief;
                 }
             }
         }
     }
-}
-
-fn variance(belief: &GaussianPose2) -> f64 {
-    belief.covariance[(0, 0)] + belief.covariance[(1, 1)]
 }

@@ -58,7 +58,7 @@ impl Manifold {
                     continue;
                 }
                 let there = here.compose(&step);
-                let variance = there.covariance[(0, 0)] + there.covariance[(1, 1)];
+                let variance = there.position_variance_m2();
                 if variance < best[other.index()] {
                     best[other.index()] = variance;
                     tentative[other.index()] = there;
@@ -102,7 +102,7 @@ pub(crate) fn known_within<K: Copy + Ord, N: Iterator<Item = (K, GaussianPose2)>
                 continue;
             }
             let there = here.compose(&step);
-            let variance = there.covariance[(0, 0)] + there.covariance[(1, 1)];
+            let variance = there.position_variance_m2();
             if variance <= most && tentative.get(&other).is_none_or(|(v, _)| variance < *v) {
                 tentative.insert(other, (variance, there));
                 queue.push((Reverse(Variance(variance)), Reverse(other)));

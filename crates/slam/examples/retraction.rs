@@ -8,13 +8,13 @@
 //! the last pose, in wall-clock time and in CPU time (Linux only); every so-manieth map is compared
 //! with that of a team which never had the relations and knows nothing of what was measured before.
 
-use geometry::{Pose2, Vector2};
+use geometry::Pose2;
 use manifold::{Provenance, Relation, RelationId};
 use manifoldslam_slam::{SlamConfig, Team};
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use sensing::RobotId;
 use std::time::Instant;
-use synthetic::Campus;
+use synthetic::{Campus, trajectory_error};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut numbers = std::env::args().skip(1).map(|a| a.parse::<u16>());
@@ -99,25 +99,12 @@ fn ate(team: &Team, campus: &Campus) -> f64 {
         let Some(run) = campus.run(number) else { continue };
         for (pose, truth_pose) in team.scan_poses(RobotId(number)).zip(run.truth) {
             if islands.of(pose.patch) == 0 {
-                truth.push(truth_pose.translation());
-                estimate.push(pose.in_map(manifold).translation());
+                truth.push(truth_pose);
+                estimate.push(pose.in_map(manifold));
             }
         }
     }
-    rmse_aligned(&truth, &estimate)
-}
-
-/// Root mean square distance after the rigid motion that makes it least (Umeyama 1991, in the plane
-/// and without scale).
-fn rmse_aligned(truth: &[Vector2<f64>], estimate: &[Vector2<f64>]) -> f64 {
-    let mean = |points: &[Vector2<f64>]| points.iter().sum::<Vector2<f64>>() / points.len() as f64;
-    let (to, from) = (mean(truth), mean(estimate));
-    let pairs = || estimate.iter().map(move |e| e - from).zip(truth.iter().map(move |t| t - to));
-    let (cos, sin) =
-        pairs().fold((0.0, 0.0), |(cos, sin), (e, t)| (cos + e.dot(&t), sin + e.perp(&t)));
-    let turn = Pose2::new(0.0, 0.0, f64::atan2(sin, cos));
-    let squares = pairs().map(|(e, t)| (turn.transform(e) - t).norm_squared());
-    (squares.sum::<f64>() / truth.len() as f64).sqrt()
+    trajectory_error(&truth, &estimate)
 }
 
 /// Largest difference between a team's poses and those of the map made, by a team that starts from

@@ -53,9 +53,7 @@ impl Image {
         let paths = source.names.iter().cloned().zip(poses).collect();
         Image { file: args.output.clone(), title: title(&source.names), grid, paths }
     }
-}
 
-impl Image {
     fn trajectories(&self) -> Vec<Trajectory<'_>> {
         self.paths.iter().map(|(name, poses)| Trajectory { name, poses }).collect()
     }

@@ -48,11 +48,8 @@ impl MappedTeam {
 
     /// Each robot's path on an island; empty for robots that are not on it.
     pub fn paths_on(&self, island: usize) -> Vec<Vec<Pose2>> {
-        let mut paths = vec![Vec::new(); self.robots.len()];
-        for track in self.tracks.iter().filter(|track| track.island == island) {
-            paths[track.robot] = self.poses_of(track).collect();
-        }
-        paths
+        let hanging = self.hanging_paths_on(island).into_iter();
+        hanging.map(|path| path.into_iter().map(|(_, pose)| pose).collect()).collect()
     }
 
     /// [`MappedTeam::paths_on`] with the patches that the poses hang on.

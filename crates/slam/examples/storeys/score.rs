@@ -1,7 +1,6 @@
-use geometry::{Pose2, Vector2};
 use manifold::{GroundKind, Provenance};
 use manifoldslam_slam::Mapper;
-use synthetic::StoreysRun;
+use synthetic::{StoreysRun, trajectory_error};
 
 /// A map of storeys against the truth.
 pub struct Score {
@@ -55,7 +54,7 @@ impl Score {
                     (height(r.from) - height(r.to)).abs() > 1.0
                 })
                 .count(),
-            ate_m: ate(&driven.run.truth, &mapper.trajectory()),
+            ate_m: trajectory_error(&driven.run.truth, &mapper.trajectory()),
             height_rms_m: (squares / members.max(1) as f64).sqrt(),
             height_worst_m: levels.members.iter().map(|m| off(m).abs()).fold(0.0, f64::max),
             ramps: levels.members.iter().filter(|m| m.ground == GroundKind::Ramp).count(),
@@ -90,22 +89,4 @@ impl Score {
             self.tipped,
         )
     }
-}
-
-/// Root mean square distance of positions on the plan after the best rigid motion (Umeyama 1991).
-fn ate(truth: &[Pose2], estimate: &[Pose2]) -> f64 {
-    let n = truth.len() as f64;
-    let mean = |poses: &[Pose2]| poses.iter().map(Pose2::translation).sum::<Vector2<f64>>() / n;
-    let (to, from) = (mean(truth), mean(estimate));
-    let (mut cos, mut sin) = (0.0, 0.0);
-    for (t, e) in truth.iter().zip(estimate) {
-        let (a, b) = (e.translation() - from, t.translation() - to);
-        cos += a.dot(&b);
-        sin += a.perp(&b);
-    }
-    let turn = Pose2::new(0.0, 0.0, f64::atan2(sin, cos));
-    let squares = truth.iter().zip(estimate).map(|(t, e)| {
-        (turn.transform(e.translation() - from) - (t.translation() - to)).norm_squared()
-    });
-    (squares.sum::<f64>() / n).sqrt()
 }

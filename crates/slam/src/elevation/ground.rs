@@ -112,6 +112,9 @@ pub(crate) fn forget_ground(map: &mut Map, settings: &ElevationSettings) {
     for (patch, whole) in std::mem::take(&mut map.with_ground) {
         map.surfaces[patch.index()] = whole;
     }
+    if map.manifold.patches().iter().all(|patch| patch.elevation.is_none()) {
+        return;
+    }
     let ground = KnownGround::new(&map.manifold, settings);
     let forget = |(index, surface): (usize, &mut Vec<LinePoint>)| {
         let patch = PatchId(index as u32);

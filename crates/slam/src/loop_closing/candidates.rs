@@ -139,7 +139,7 @@ impl Candidates {
     /// can tell.
     fn may_overlap(&self, here: &Pose2, belief: &GaussianPose2) -> Option<bool> {
         let s = &self.settings;
-        let sigma = (belief.covariance[(0, 0)] + belief.covariance[(1, 1)]).sqrt();
+        let sigma = belief.position_variance_m2().sqrt();
         let precise = INTERVAL_95 * sigma < self.limits.translation_m
             && INTERVAL_95 * belief.covariance[(2, 2)].sqrt() < self.limits.rotation_rad;
         let distance = here.norm() - s.reach_m;

@@ -132,5 +132,5 @@ impl Extent {
 
 /// Standard deviation of a position over both axes, metres.
 fn std_m(belief: &GaussianPose2) -> f64 {
-    (belief.covariance[(0, 0)] + belief.covariance[(1, 1)]).sqrt()
+    belief.position_variance_m2().sqrt()
 }

@@ -1,11 +1,11 @@
 //! What the tests share: the two-loop building, recorded and mapped.
 
-use geometry::{Pose2, Vector2};
+use geometry::Pose2;
 use manifold::Manifold;
 use manifoldslam_slam::{Event, Mapper, SlamConfig, Statistics};
 use sensing::Observation;
 use std::sync::OnceLock;
-use synthetic::{Run, two_loop_building};
+use synthetic::{Run, trajectory_error, two_loop_building};
 
 /// A finished run, the mapper itself gone.
 pub struct Mapped {
@@ -46,24 +46,10 @@ pub fn finished(mapper: &Mapper, events: Vec<Event>) -> Mapped {
     }
 }
 
-/// Absolute trajectory error: root mean square distance of positions, metres, after the rigid
-/// motion that makes it least (Umeyama 1991, in the plane and without scale).
+/// Absolute trajectory error, metres; every scan has a pose.
 pub fn ate(truth: &[Pose2], estimate: &[Pose2]) -> f64 {
     assert_eq!(truth.len(), estimate.len(), "every scan has a pose");
-    let n = truth.len() as f64;
-    let mean = |poses: &[Pose2]| poses.iter().map(Pose2::translation).sum::<Vector2<f64>>() / n;
-    let (to, from) = (mean(truth), mean(estimate));
-    let (mut cos, mut sin) = (0.0, 0.0);
-    for (t, e) in truth.iter().zip(estimate) {
-        let (a, b) = (e.translation() - from, t.translation() - to);
-        cos += a.dot(&b);
-        sin += a.perp(&b);
-    }
-    let turn = Pose2::new(0.0, 0.0, f64::atan2(sin, cos));
-    let squares = truth.iter().zip(estimate).map(|(t, e)| {
-        (turn.transform(e.translation() - from) - (t.translation() - to)).norm_squared()
-    });
-    (squares.sum::<f64>() / n).sqrt()
+    trajectory_error(truth, estimate)
 }
 
 pub fn assert_finite(poses: &[Pose2]) {

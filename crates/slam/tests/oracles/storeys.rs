@@ -3,8 +3,8 @@
 
 use crate::runs::{Mapped, ate, map};
 use geometry::Pose2;
-use manifold::{Change, Patch, PatchId, Provenance};
-use manifoldslam_slam::{Event, Mapper, SlamConfig, Team};
+use manifold::{Patch, PatchId, Provenance};
+use manifoldslam_slam::{Mapper, SlamConfig, Team};
 use sensing::{Observation, RobotId};
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -95,22 +95,11 @@ fn without_attitude_there_is_one_level() {
 fn team(robots: &[&[Observation]]) -> Team {
     let mut team = Team::new(SlamConfig::default());
     for (number, observations) in robots.iter().enumerate() {
-        let robot = team.add_robot(&format!("robot-{number}"));
-        let mut mapper = Mapper::new(SlamConfig::default());
-        for observation in *observations {
-            let odom = observation.odom_from_base.map(|pose| Pose2::new(5.0, -3.0, 1.0) * pose);
-            let events = mapper.step(Observation { odom_from_base: odom, ..observation.clone() });
-            let changes: Vec<Change> = events
-                .into_iter()
-                .filter_map(|event| match event {
-                    Event::Map(change) => Some(change),
-                    Event::Localised(..) => None,
-                })
-                .collect();
-            team.receive(robot, &changes);
-        }
-        mapper.conclude();
-        team.join(robot, mapper);
+        let observations = observations.iter().cloned().map(|mut seen| {
+            seen.odom_from_base = seen.odom_from_base.map(|pose| Pose2::new(5.0, -3.0, 1.0) * pose);
+            seen
+        });
+        team.map_robot(&format!("robot-{number}"), observations);
     }
     team.finish();
     team
